@@ -156,5 +156,8 @@ OF_HARDWARE = (
     Case("GNSS jumps by 100 m", {"kind": "gnss_jump", "jump_m": 100}),
     Case("GNSS pulled at 1 m/s to the north", {"kind": "gnss_pull", "direction": "north"}),
     Case("no GNSS fix for 30 s", {"kind": "gnss_lost", "for_s": 30}),
+    Case("the altimeter reads 100 m too high", {"kind": "altimeter_jump"}),
+    Case("the altimeter drifts away at 1 m/s", {"kind": "altimeter_pull"}),
+    Case("the altimeter sends nothing for 30 s", {"kind": "altimeter_lost", "for_s": 30}),
 )
 """In the hardware itself."""

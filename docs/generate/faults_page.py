@@ -19,6 +19,7 @@ from rrins.firmware_py.core.modes.modes import FirmwareFault, Mode
 from rrins.firmware_py.core.records.trouble_table import TROUBLES
 from rrins.firmware_py.core.records.troubles import Status
 from rrins.firmware_py.loop import Firmware
+from rrins.host_tools.hardware.fault_kinds import AIDS
 from rrins.host_tools.hardware.loop import Hardware
 from rrins.host_tools.runs.exchange import exchange_epoch
 from rrins.host_tools.runs.results.results import east_north_m
@@ -78,12 +79,14 @@ class _Run:
     """A direct run that is observed after every epoch."""
 
     def __init__(self, faults: list[dict[str, Any]], modelled: bool) -> None:
+        channel = "damped" if _has_fault_of("altimeter", faults) else "held"
         self.scenario = Scenario.model_validate(
             {
                 "duration_s": _DURATION_S,
                 "faults": faults,
                 "bus": {"bitrate": _BITRATE} if modelled else {},
-                **{stem: {} for stem in ("gnss", "odometer") if _has_fault_of(stem, faults)},
+                **{aid: {} for aid in AIDS if _has_fault_of(aid, faults)},
+                "firmware": {"height_channel": channel},
             }
         )
         self.firmware = Firmware(firmware_settings(self.scenario))

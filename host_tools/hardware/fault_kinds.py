@@ -34,6 +34,9 @@ class Parameter:
     is_whole: bool = False
 
 
+AIDS: Final = ("gnss", "odometer", "altimeter")
+
+
 class Part(IntEnum):
     """Part that fails."""
 
@@ -43,6 +46,13 @@ class Part(IntEnum):
     ODOMETER = 3
     GNSS = 4
     GNSS_POSITION = 5
+    ALTIMETER = 6
+
+    @property
+    def aid(self) -> str:
+        """The table of a scenario that fits it; empty for a part of the RIMU."""
+        name = self.name.partition("_")[0].lower()
+        return name if name in AIDS else ""
 
 
 @dataclass(frozen=True)
@@ -94,7 +104,7 @@ class NumberedKind(IntEnum):
         return self.name.lower()
 
 
-_AXIS, _GYRO, _ACCELEROMETER, _ODOMETER, _GNSS, _POSITION = Part
+_AXIS, _GYRO, _ACCELEROMETER, _ODOMETER, _GNSS, _POSITION, _ALTIMETER = Part
 _SCALE = ("scale_ppm", "ppm", 10_000.0, -1e6, 1e6, PPM)
 _SHIFT = ("shift_arcsec", "″", 60.0, -3600, 3600, ARCSEC)
 _REPEATS = "the sensor repeats the last increment"
@@ -153,6 +163,9 @@ class HardwareFault(NumberedKind):
     GNSS_PULL = (_POSITION, "positions are led away, and velocities with them",
         "pull_mps", "m/s", 1.0, -100, 100)
     GNSS_LOST = _GNSS, "the receiver has no fix"
+    ALTIMETER_JUMP = _ALTIMETER, "heights are off", "jump_m", "m", 100.0, -1e5, 1e5
+    ALTIMETER_PULL = _ALTIMETER, "heights drift away", "pull_mps", "m/s", 1.0, -100, 100
+    ALTIMETER_LOST = _ALTIMETER, "the altimeter sends nothing"
     # fmt: on
 
     def _describe(self, part: Any, *entry: Any) -> None:

@@ -93,8 +93,7 @@ class HardwareFaultServer(FaultServer):
         if sensors is not None:
             is_there = EVERY <= target < sensors.count
         else:
-            aiding = {Part.ODOMETER: plant.odometer, Part.AXIS: None}.get(part, plant.gnss)
-            is_fitted = aiding is None or bool(aiding.fitted)
+            is_fitted = not part.aid or bool(getattr(plant, part.aid).fitted)
             is_there = is_fitted and target in (range(len(key.names)) if key else (EVERY,))
         return FaultRefusal.NONE if is_there else FaultRefusal.NO_SUCH_TARGET
 

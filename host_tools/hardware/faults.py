@@ -34,6 +34,9 @@ _EFFECT_OF = np.array([0, *_AS_OF_GYROS])
 """By kind: the kind itself, or that of gyros with the same effect."""
 
 
+_GROWING = (HardwareFault.GYRO_RAMP, HardwareFault.GNSS_PULL, HardwareFault.ALTIMETER_PULL)
+
+
 @compiled
 def _clear(plant: Plant) -> None:
     for axis in (INNER, OUTER):
@@ -42,11 +45,13 @@ def _clear(plant: Plant) -> None:
         plant.axis[axis].encoder_stuck = False
         plant.axis[axis].encoder_error_deg = 0.0
         plant.axis[axis].encoder_slip = 0.0
-    gnss, odometer = plant.gnss, plant.odometer
+    gnss, odometer, altimeter = plant.gnss, plant.odometer, plant.altimeter
     odometer.slip = 0.0
     odometer.locked = False
     odometer.lost = False
     gnss.lost = False
+    altimeter.fault_height = 0.0
+    altimeter.lost = False
     for i in range(3):
         gnss.fault_position[i] = 0.0
         gnss.fault_velocity[i] = 0.0
@@ -81,8 +86,8 @@ def _set_axis(axis: TurntableAxis, kind: int, value: float) -> None:
 
 @compiled
 def _set_aiding(plant: Plant, kind: int, target: int, value: float, age_s: float) -> None:
-    """Set a fault of GNSS or odometer that began `age_s` before the end of the epoch."""
-    gnss, odometer = plant.gnss, plant.odometer
+    """Set a fault of an aid that began `age_s` before the end of the epoch."""
+    gnss, odometer, altimeter = plant.gnss, plant.odometer, plant.altimeter
     if kind == HardwareFault.ODOMETER_SLIP:
         odometer.slip += value
     elif kind == HardwareFault.ODOMETER_LOCK:
@@ -96,6 +101,12 @@ def _set_aiding(plant: Plant, kind: int, target: int, value: float, age_s: float
         gnss.fault_velocity[target] += value
     elif kind == HardwareFault.GNSS_LOST:
         gnss.lost = True
+    elif kind == HardwareFault.ALTIMETER_JUMP:
+        altimeter.fault_height += value
+    elif kind == HardwareFault.ALTIMETER_PULL:
+        altimeter.fault_height += value * age_s
+    elif kind == HardwareFault.ALTIMETER_LOST:
+        altimeter.lost = True
 
 
 @compiled
@@ -156,7 +167,7 @@ def apply(plant: Plant) -> None:
                 continue
         kind, target, value = faults.kind[k], faults.target[k], faults.value[k]
         part, effect = _PART_OF[kind], _EFFECT_OF[kind]
-        if effect in (HardwareFault.GYRO_RAMP, HardwareFault.GNSS_PULL):  # grow
+        if effect in _GROWING:
             faults.changes_at = min(faults.changes_at, plant.epoch + 1)
         age = plant.epoch - first  # epochs
         if part == Part.AXIS:

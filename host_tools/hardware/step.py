@@ -153,14 +153,15 @@ def _altitude_epochs(plant: Plant, message: MessageLayout) -> int:
 @compiled
 def is_altitude_due(plant: Plant, message: MessageLayout) -> bool:
     """Return whether the altimeter measures in this epoch."""
-    return plant.altimeter.fitted and plant.epoch % _altitude_epochs(plant, message) == 0
+    is_due = plant.epoch % _altitude_epochs(plant, message) == 0
+    return plant.altimeter.fitted and is_due and not plant.altimeter.lost
 
 
 @compiled
 def altitude_word(plant: Plant, message: MessageSignals) -> np.uint64:
     """Measure the height; return the payload of the altimeter's frame."""
     altimeter = plant.altimeter
-    height = plant.truth.height + altimeter.bias
+    height = plant.truth.height + altimeter.bias + altimeter.fault_height
     if altimeter.noise > 0.0:
         height += altimeter.noise * normal(altimeter, 0)
     if altimeter.random_walk > 0.0:

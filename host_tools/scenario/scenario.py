@@ -210,13 +210,15 @@ class Scenario(TomlTable, metaclass=_InOneLine):
         for number, fault in enumerate(self.faults, 1):
             if not isinstance(fault, FaultOfHardware):
                 continue
-            part = fault.hardware_kind.part.name.partition("_")[0].lower()
-            if part in counts and fault.target >= counts[part]:
-                sensor = f"sensor {fault.target + 1} of {counts[part]}"
+            part = fault.hardware_kind.part
+            name = part.name.lower()
+            if name in counts and fault.target >= counts[name]:
+                sensor = f"sensor {fault.target + 1} of {counts[name]}"
                 raise ValueError(f"faults.{number}.sensor: {sensor}")
-            if part in ("odometer", "gnss") and getattr(self, part) is None:
-                needed = "an [odometer]" if part == "odometer" else "a [gnss]"
-                raise ValueError(f"faults.{number}.kind: {fault.kind} needs {needed}")
+            if part.aid and getattr(self, part.aid) is None:
+                article = "a" if part.aid == "gnss" else "an"
+                needed = f"{fault.kind} needs {article} [{part.aid}]"
+                raise ValueError(f"faults.{number}.kind: {needed}")
         for number, order in enumerate(self.redundancy.readmit, 1):
             if order.sensor > counts[order.kind]:
                 where = f"redundancy.readmit.{number}.sensor"

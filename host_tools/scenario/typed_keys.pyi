@@ -52,6 +52,9 @@ FaultKind = Literal[
     "gnss_jump",
     "gnss_pull",
     "gnss_lost",
+    "altimeter_jump",
+    "altimeter_pull",
+    "altimeter_lost",
 ]
 
 class FaultKeys(TypedDict, total=False):

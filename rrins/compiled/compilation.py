@@ -46,7 +46,7 @@ def passes_trial(numba: str, folder: CodeFolder | None) -> bool:
     """Return whether an untried numba compiles the steps: tried once, in a process, and told.
 
     The folder keeps why not, empty if it does, and what the trial has compiled. It does not keep
-    what is no fault of numba's, such as a full disk: then the next start tries again.
+    what was not for numba to help, such as a full disk: then the next start tries again.
     """
     why = None if folder is None else folder.load(_ANSWER)
     if why is None:

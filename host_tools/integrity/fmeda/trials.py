@@ -28,7 +28,7 @@ from rrins.firmware_py.core.records.memory import NavigationOutput
 from rrins.firmware_py.core.records.trouble_table import TROUBLES
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.hardware import faults
-from rrins.host_tools.hardware.fault_kinds import EVERY, HardwareFault, Part
+from rrins.host_tools.hardware.fault_kinds import AIDS, EVERY, HardwareFault, Part
 from rrins.host_tools.hardware.memory import Truth
 from rrins.host_tools.integrity.fmeda.rates import FailureMode
 from rrins.host_tools.integrity.phases import instants
@@ -38,7 +38,6 @@ from rrins.host_tools.runs.set_up.settings import firmware_settings, hardware_se
 from rrins.host_tools.scenario.scenario import Scenario
 
 _KINDS: Final = {Part.GYRO: "gyros", Part.ACCELEROMETER: "accelerometers"}
-_AIDS: Final = ("gnss", "odometer", "altimeter")
 _BLAME: Final = re.compile(
     r"((?:gyro|accelerometer)_\d+|axis_inner|axis_outer|gnss|odometer|altimeter)"
     r"_(?:left_out|rejected|lost|encoder|not_following|drive|abandoned)"
@@ -95,7 +94,7 @@ class Finding:
     @property
     def wrong_sensors(self) -> tuple[str, ...]:
         """The sound sensors and axes that were left out; a refused aid comes back."""
-        return tuple(part for part in self.wrong if part not in _AIDS)
+        return tuple(part for part in self.wrong if part not in AIDS)
 
     @property
     def is_dangerous(self) -> bool:
@@ -124,8 +123,7 @@ def parts_of(scenario: Scenario, fault: HardwareFault) -> list[str]:
         return (
             [f"axis_{name}" for name in fault.target.names] if fault.target and is_turning else []
         )
-    name = "odometer" if part is Part.ODOMETER else "gnss"
-    return [] if getattr(scenario, name) is None else [name]
+    return [] if getattr(scenario, part.aid) is None else [part.aid]
 
 
 def trials_of(

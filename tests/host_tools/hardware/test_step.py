@@ -10,6 +10,8 @@ import pytest
 from rrins.dbc.e2e import COUNTER_MODULUS, crc_holds
 from rrins.dbc.values import AxisState
 from rrins.host_tools.hardware import earth
+from rrins.host_tools.hardware.fault_kinds import EVERY, HardwareFault
+from rrins.host_tools.hardware.settings import PlannedFault
 from rrins.host_tools.hardware.step import OUTBOX_CAPACITY
 from rrins.host_tools.hardware.tables import Accelerometers, Altimeter, Gyros
 
@@ -57,6 +59,19 @@ def test_the_weather_moves_the_bias_of_an_altimeter(tools):
             heights.append(sent["ALTIMETER"]["height"])
     assert np.std(np.diff(biases)) == pytest.approx(0.1 * math.sqrt(0.1), rel=0.15)
     assert np.allclose(heights, 40.0 + np.array(biases[:-1]), atol=0.001)
+
+
+def test_an_altimeter_that_fails_is_off_drifts_away_or_sends_nothing(tools):
+    planned = (
+        PlannedFault(HardwareFault.ALTIMETER_JUMP, EVERY, 40, 79, -7.0),
+        PlannedFault(HardwareFault.ALTIMETER_PULL, EVERY, 60, 119, 2.0),
+        PlannedFault(HardwareFault.ALTIMETER_LOST, EVERY, 130, 170),
+    )
+    bench = tools.Bench(altimeter=Altimeter(), faults=planned)
+    sent = [bench.step().get("ALTIMETER") for _ in range(220)]
+    heights = {k: one["height"] - 40.0 for k, one in enumerate(sent) if one is not None}
+    expected = {0: 0, 20: 0, 40: -7, 60: -7 + 0.01, 80: 0.21, 100: 0.41, 120: 0, 180: 0, 200: 0}
+    assert heights == pytest.approx(expected, abs=1e-9)
 
 
 @pytest.mark.parametrize("epoch", [0, 1, 2**24 - 1, 2**24, 2**24 + 5, 10**9])

@@ -9,11 +9,16 @@ import threading
 import pytest
 
 from rrins.host_tools.bus.address import EMBEDDED, Address
+from rrins.host_tools.hardware.fault_kinds import AIDS
 from rrins.host_tools.injection.client import FaultClient
 from rrins.host_tools.testing.bench import Bench
 from rrins.host_tools.testing.scenarios import prepare_scenario
 
-QUICK = {"duration_s": 1000, "firmware": {"alignment_s": 0.5}, "gnss": {}, "odometer": {}}
+QUICK = {
+    "duration_s": 1000,
+    "firmware": {"alignment_s": 0.5, "height_channel": "damped"},
+    **{aid: {} for aid in AIDS},
+}
 
 
 class World:

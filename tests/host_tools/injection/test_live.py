@@ -34,10 +34,11 @@ from rrins.host_tools.wire.fault_kinds import FaultKind
 NOISY = {
     "duration_s": 3,
     "navigate_at_s": 0,
-    "firmware": {"alignment_s": 0.5},
+    "firmware": {"alignment_s": 0.5, "height_channel": "damped"},
     "body": {"roll_deg": 10},
     "gnss": {"rate_hz": 10, "latency_s": 0},
     "odometer": {},
+    "altimeter": {},
     "gyros": {"angle_random_walk_deg_per_sqrt_h": 0.01},
     "accelerometers": {"white_noise_ug_per_sqrt_hz": 10},
 }

@@ -74,6 +74,9 @@ FAULTS = {
     "fixes jump": {"kind": "gnss_jump", "jump_m": 100},
     "fixes drift slowly": {"kind": "gnss_pull", "pull_mps": 0.1},
     "fixes drift": {"kind": "gnss_pull", "pull_mps": 0.5},
+    "heights jump": {"kind": "altimeter_jump", "jump_m": 30},
+    "heights drift slowly": {"kind": "altimeter_pull", "pull_mps": 0.05},
+    "heights drift": {"kind": "altimeter_pull", "pull_mps": 1},
 }
 
 
