@@ -76,7 +76,8 @@ _REST = 5.0
 
 _RARER = 2.0 * math.log(1e2)
 """Twice the logarithm of the likelihood ratio to two others, or all, that are off: both are rarer,
-by as much as is missing. Not once a sensor is left out: what seems another fault may be two."""
+by as much as is missing. Not once a sensor is left out: what seems another fault may be two. So
+much more likely two may be than one of them, too."""
 
 _LEVEL, _HEADING, _VELOCITY = 1e-3, 1e-2, 30.0
 """Uncertainty of the navigation at the beginning: rad, rad, m/s."""
@@ -444,7 +445,7 @@ def _decide(bank: Bank, over_rarer: float) -> int:
             best = k
     one = bank.filters[best]
     excess = one.squares - bank.measurements
-    if one.score - least > RATIO or excess > _REST * math.sqrt(2.0 * bank.measurements):
+    if one.score - least > _RARER or excess > _REST * math.sqrt(2.0 * bank.measurements):
         return 0
     if bank.measurements > 0:
         misfit = max(1.0, one.squares / bank.measurements)  # by how much all variances are short

@@ -21,7 +21,7 @@ from rrins.firmware_py.core.records.redundancy_records import (
 )
 from rrins.firmware_py.core.redundancy import alike
 
-_LARGER, _GROWS = 10.0, 1e-5
+_LARGER, _GROWS = 10.0, 1e-6
 """Size of what a second sensor may be off by, in sizes of a single fault of which the parity would
 show as much; growth of its variance in a second, of its square: it may change."""
 
