@@ -76,8 +76,8 @@ _REST = 5.0
 
 _RARER = 2.0 * math.log(1e2)
 """Twice the logarithm of the likelihood ratio to two others, or all, that are off: both are rarer,
-by as much as is missing. Not once a sensor is left out: what seems another fault may be two. So
-much more likely two may be than one of them, too."""
+by as much as is missing. Not once a sensor is left out: what seems another fault may be two.
+Nor may two be likelier by more than one of them alone."""
 
 _LEVEL, _HEADING, _VELOCITY = 1e-3, 1e-2, 30.0
 """Uncertainty of the navigation at the beginning: rad, rad, m/s."""
