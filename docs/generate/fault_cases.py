@@ -158,6 +158,5 @@ OF_HARDWARE = (
     Case("no GNSS fix for 30 s", {"kind": "gnss_lost", "for_s": 30}),
     Case("the altimeter reads 100 m too high", {"kind": "altimeter_jump"}),
     Case("the altimeter drifts away at 1 m/s", {"kind": "altimeter_pull"}),
-    Case("the altimeter sends nothing for 30 s", {"kind": "altimeter_lost", "for_s": 30}),
 )
 """In the hardware itself."""

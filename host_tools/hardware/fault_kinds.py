@@ -165,7 +165,6 @@ class HardwareFault(NumberedKind):
     GNSS_LOST = _GNSS, "the receiver has no fix"
     ALTIMETER_JUMP = _ALTIMETER, "heights are off", "jump_m", "m", 100.0, -1e5, 1e5
     ALTIMETER_PULL = _ALTIMETER, "heights drift away", "pull_mps", "m/s", 1.0, -100, 100
-    ALTIMETER_LOST = _ALTIMETER, "the altimeter sends nothing"
     # fmt: on
 
     def _describe(self, part: Any, *entry: Any) -> None:

@@ -51,7 +51,6 @@ def _clear(plant: Plant) -> None:
     odometer.lost = False
     gnss.lost = False
     altimeter.fault_height = 0.0
-    altimeter.lost = False
     for i in range(3):
         gnss.fault_position[i] = 0.0
         gnss.fault_velocity[i] = 0.0
@@ -105,8 +104,6 @@ def _set_aiding(plant: Plant, kind: int, target: int, value: float, age_s: float
         altimeter.fault_height += value
     elif kind == HardwareFault.ALTIMETER_PULL:
         altimeter.fault_height += value * age_s
-    elif kind == HardwareFault.ALTIMETER_LOST:
-        altimeter.lost = True
 
 
 @compiled

@@ -240,7 +240,6 @@ class AltimeterState(Record):
     noise: F8  #: m, standard deviation
     random_walk: F8  #: m/√s, of the bias
     fault_height: F8  #: m, by which a fault makes heights wrong
-    lost: Bool  #: whether it sends nothing
     noise_state: Annotated[Words, 1]  #: of its random numbers
     noise_spare: Annotated[Floats, 1]  #: second normal number of a pair
     noise_has_spare: Annotated[Bytes, 1]  #: 0 or 1

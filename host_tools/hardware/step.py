@@ -153,8 +153,7 @@ def _altitude_epochs(plant: Plant, message: MessageLayout) -> int:
 @compiled
 def is_altitude_due(plant: Plant, message: MessageLayout) -> bool:
     """Return whether the altimeter measures in this epoch."""
-    is_due = plant.epoch % _altitude_epochs(plant, message) == 0
-    return plant.altimeter.fitted and is_due and not plant.altimeter.lost
+    return plant.altimeter.fitted and plant.epoch % _altitude_epochs(plant, message) == 0
 
 
 @compiled

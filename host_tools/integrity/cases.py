@@ -220,7 +220,7 @@ def _drive(chance: random.Random, table: JsonObject) -> None:
         "duration_s": duration_s,
         "seed": chance.randrange(1, 1 << 31),
     }
-    weather = random.Random(table["motion"]["seed"])
+    weather = random.Random(table["motion"]["seed"])  # apart: all else is drawn as before
     table["altimeter"] = {
         "noise_m": 0.5,
         "bias_m": weather.gauss(0, 10),

@@ -54,7 +54,6 @@ FaultKind = Literal[
     "gnss_lost",
     "altimeter_jump",
     "altimeter_pull",
-    "altimeter_lost",
 ]
 
 class FaultKeys(TypedDict, total=False):

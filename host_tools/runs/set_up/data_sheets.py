@@ -26,8 +26,6 @@ _LEAST_ASYMMETRY_PPM = 1.0
 _LEAST_INSTALLATION_ARCSEC = 0.2
 _LEAST_SLOPE_PPM = 3.0
 _LEAST_FILTER_SLOPE_PPM = 0.1
-_LEAST_ALTIMETER_BIAS_SIGMA_M = 10.0
-_LEAST_ALTIMETER_WALK = 1.0 / SQRT_H  # m/√s: the weather
 _REPEATS_WITHIN = 3.0  # standard deviations
 _TEMPERATURES_K = 10.0  # that a scale factor is used over
 
@@ -225,12 +223,12 @@ def _receiver(scenario: Scenario) -> dict[str, float]:
 
 
 def _altimeter(scenario: Scenario) -> dict[str, float]:
-    """Return what the firmware knows of the altimeter."""
+    """Return what the firmware knows of the altimeter: the weather is as usual, or worse."""
     if scenario.altimeter is None:
         return {}
-    altimeter = in_si(scenario.altimeter)
+    altimeter, usual = in_si(scenario.altimeter), EstimatorSettings.model_fields
     return {
         "altimeter_sigma": altimeter["noise"],
-        "altimeter_bias_sigma": max(_LEAST_ALTIMETER_BIAS_SIGMA_M, abs(altimeter["bias"])),
-        "altimeter_walk": max(_LEAST_ALTIMETER_WALK, altimeter["random_walk"]),
+        "altimeter_bias_sigma": max(usual["altimeter_bias_sigma"].default, abs(altimeter["bias"])),
+        "altimeter_walk": max(usual["altimeter_walk"].default, altimeter["random_walk"]),
     }

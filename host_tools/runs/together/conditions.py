@@ -8,6 +8,7 @@ import numpy as np
 
 from rrins.compiled.compilation import IS_DISABLED
 from rrins.firmware_py.core.navigation.strapdown import HEIGHT_HELD
+from rrins.host_tools.hardware.fault_kinds import AIDS
 from rrins.host_tools.runs.fast import FastRun
 from rrins.host_tools.runs.together import rows
 
@@ -24,10 +25,8 @@ _OWN_OF_SENSORS = frozenset(
 )
 """Fields that each run's sensors have of their own."""
 
-_OWN_OF_PLANT = frozenset({"thermal", "altimeter", "gnss", "odometer"})
+_OWN_OF_PLANT = frozenset({"thermal", *AIDS})
 """The same of its plant: temperature, and what is not fitted."""
-
-_FITTED = ("altimeter", "gnss", "odometer")
 
 _LARGEST_ERROR_DEG, _MEMORY_S = 0.05, 20.0
 """By how much gyros may err in the time that the firmware compares them with the encoders over:
@@ -44,7 +43,7 @@ def can_share(run: FastRun) -> bool:
         return False
     if parameters.height_channel != HEIGHT_HELD:
         return False
-    if any(plant[each].fitted for each in _FITTED) or plant.master.present:
+    if any(plant[each].fitted for each in AIDS) or plant.master.present:
         return False
     if plant.faults.count or plant.readmissions.count or plant.standing.count:
         return False

@@ -61,16 +61,15 @@ def test_the_weather_moves_the_bias_of_an_altimeter(tools):
     assert np.allclose(heights, 40.0 + np.array(biases[:-1]), atol=0.001)
 
 
-def test_an_altimeter_that_fails_is_off_drifts_away_or_sends_nothing(tools):
+def test_an_altimeter_that_fails_is_off_or_drifts_away(tools):
     planned = (
         PlannedFault(HardwareFault.ALTIMETER_JUMP, EVERY, 40, 79, -7.0),
         PlannedFault(HardwareFault.ALTIMETER_PULL, EVERY, 60, 119, 2.0),
-        PlannedFault(HardwareFault.ALTIMETER_LOST, EVERY, 130, 170),
     )
     bench = tools.Bench(altimeter=Altimeter(), faults=planned)
-    sent = [bench.step().get("ALTIMETER") for _ in range(220)]
+    sent = [bench.step().get("ALTIMETER") for _ in range(141)]
     heights = {k: one["height"] - 40.0 for k, one in enumerate(sent) if one is not None}
-    expected = {0: 0, 20: 0, 40: -7, 60: -7 + 0.01, 80: 0.21, 100: 0.41, 120: 0, 180: 0, 200: 0}
+    expected = {0: 0, 20: 0, 40: -7, 60: -7 + 0.01, 80: 0.21, 100: 0.41, 120: 0, 140: 0}
     assert heights == pytest.approx(expected, abs=1e-9)
 
 
