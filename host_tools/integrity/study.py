@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import shlex
 import threading
 from collections.abc import Callable, Sequence
@@ -19,6 +18,7 @@ from rrins.host_tools.errors import RehearsalError
 from rrins.host_tools.files import JsonObject, make_folder, write_text
 from rrins.host_tools.integrity import cases
 from rrins.host_tools.integrity.cases import Case
+from rrins.host_tools.integrity.healthy import Healthy, healthy_of
 from rrins.host_tools.integrity.pictures import stanford_figure
 from rrins.host_tools.integrity.risk import Stratum, hourly, strata_of
 from rrins.host_tools.integrity.stanford import SCALES, Counts, no_counts
@@ -131,13 +131,10 @@ class Study:
         rows = [one.misleading for one in self.results] or [(0, 0, 0)]
         return tuple(int(count) for count in np.sum(rows, axis=0))
 
-    def over_sigma(self) -> dict[str, float]:
-        """Return the median of each bound over sigma, of the healthy cases; NaN without any."""
-        rows = [one.over_sigma for one in self.results if one.case.kind == cases.HEALTHY]
-        columns = np.array(rows).reshape(-1, len(_NAMES)).T
-        known = [column[np.isfinite(column)] for column in columns]
-        medians = (float(np.median(column)) if len(column) else math.nan for column in known)
-        return dict(zip(_NAMES, medians, strict=True))
+    @property
+    def healthy(self) -> list[Healthy]:
+        """The healthy cases: all first, then by preset of the sensors and by aids."""
+        return healthy_of(self.results)
 
     def to_alert_s(self) -> list[float]:
         """Return the times to alert of the cases whose error went beyond a limit, longest first."""
@@ -172,10 +169,7 @@ class Study:
                 for one in self.strata
             ],
             "availability": self.availability(),
-            "level_over_sigma": {
-                name: value if math.isfinite(value) else None
-                for name, value in self.over_sigma().items()
-            },
+            "healthy": [group.values() for group in self.healthy],
             "time_to_alert_s": {"cases": len(alerts), "longest": alerts[0] if alerts else None},
             "sound_left_out": [
                 {"case": one.case.number, "sensors": list(one.sound_left_out)}
@@ -219,6 +213,7 @@ class Study:
             keeps=(REPORT,),
             filters={"shown": shown, "percent": percent},
             study=self,
+            bounds=_NAMES,
             listed=listed,
             commands=commands,
             share=proportion(len(self.misleading), len(self.results)),

@@ -41,6 +41,7 @@ class Seconds:
     error: Floats  #: shape (n, 3)
     bound: Floats  #: shape (n, 3); infinite where there is none
     sigma: Floats  #: shape (n, 3); of the filter, horizontally along the larger of east and north
+    over_sigma: Floats  #: errors, shape (n, 3); horizontally the root mean square of both axes
     status: NDArray[np.int64]  #: an `IntegrityStatus`, shape (n,)
 
     @property
@@ -61,6 +62,7 @@ class Result:
     doubtful: tuple[int, ...]  #: the same while degraded
     excess: float  #: largest error over bound while trusted
     over_sigma: tuple[float, ...]  #: median of each bound over sigma while trusted; NaN for none
+    error_over_sigma: tuple[float, ...]  #: root mean square of each error over sigma; NaN for none
     to_alert_s: float  #: longest time trusted with an error beyond an alert limit
     sound_left_out: tuple[str, ...]
     ended: str  #: reason of the firmware's FAULT, or why the case could not run; empty if neither
@@ -79,7 +81,7 @@ class Result:
 def no_seconds() -> Seconds:
     """Return the seconds of a run without any."""
     none = np.zeros((0, BOUNDS))
-    return Seconds(none, none, none, np.zeros(0, np.int64))
+    return Seconds(none, none, none, none, np.zeros(0, np.int64))
 
 
 def seconds_of(errors: Errors, estimates: Records[EstimatorSecond], rate_hz: int) -> Seconds:
@@ -102,7 +104,10 @@ def seconds_of(errors: Errors, estimates: Records[EstimatorSecond], rate_hz: int
     sigma[:, HORIZONTAL] = known["position_sigma"][:, :2].max(axis=1)
     sigma[:, VERTICAL] = known["position_sigma"][:, 2]
     sigma[:, HEADING] = known["attitude_sigma"][:, 2]
-    return Seconds(error, bound, sigma, known["integrity"])
+    over_sigma = error / np.where(sigma > 0.0, sigma, np.inf)
+    level = np.stack([errors.position_east_m[at], errors.position_north_m[at]], axis=1)
+    over_sigma[:, HORIZONTAL] = np.sqrt(np.mean((level / known["position_sigma"][:, :2]) ** 2, 1))
+    return Seconds(error, bound, sigma, over_sigma, known["integrity"])
 
 
 def _longest(is_set: NDArray[np.bool_]) -> int:
@@ -145,6 +150,7 @@ def judged(
         doubtful=_counted(is_beyond[is_degraded]),
         excess=float(excess.max(initial=0.0)),
         over_sigma=_over_sigma(seconds),
+        error_over_sigma=_error_over_sigma(seconds),
         to_alert_s=float(_longest(is_silent)),
         sound_left_out=tuple(sorted(excluded - case.failing)),
         ended=ended,
@@ -159,6 +165,15 @@ def _over_sigma(seconds: Seconds) -> tuple[float, ...]:
         is_known = seconds.is_trusted & (sigma > 0.0) & np.isfinite(sigma) & (bound > 0.0)
         ratio = bound[is_known] / sigma[is_known]
         found.append(float(np.median(ratio)) if len(ratio) else math.nan)
+    return tuple(found)
+
+
+def _error_over_sigma(seconds: Seconds) -> tuple[float, ...]:
+    found = []
+    for k in range(BOUNDS):
+        own = seconds.over_sigma[:, k]
+        known = own[np.isfinite(own) & (seconds.sigma[:, k] > 0.0)]
+        found.append(float(np.sqrt(np.mean(known**2))) if len(known) else math.nan)
     return tuple(found)
 
 

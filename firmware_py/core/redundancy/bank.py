@@ -40,7 +40,6 @@ from rrins.firmware_py.core.records.redundancy_records import (
     Parity,
 )
 from rrins.firmware_py.core.redundancy import alike, blocks, hypotheses, pairs, windows
-from rrins.firmware_py.core.redundancy.alike import ALIKE
 from rrins.firmware_py.core.redundancy.isolation import RATIO
 from rrins.firmware_py.core.sensors.data_sheet import SCALE_TURN
 
@@ -74,9 +73,9 @@ locked, or points elsewhere, whichever sensor fails."""
 _REST = 5.0
 """Largest deviation of the innovations' squares, standard deviations of chi-square."""
 
-_RARER = 2.0 * math.log(1e2)
-"""Twice the logarithm of the likelihood ratio to two others, or all, that are off: both are rarer,
-by as much as is missing. Not once a sensor is left out: what seems another fault may be two.
+_OVER_PAIRS = 2.0 * math.log(1e2)
+"""Twice the logarithm of the likelihood ratio to two others that are off: that is rarer, by as much
+as is missing. Not once a sensor is left out: what seems another fault may be two.
 Nor may two be likelier by more than one of them alone."""
 
 _LEVEL, _HEADING, _VELOCITY = 1e-3, 1e-2, 30.0
@@ -130,7 +129,7 @@ def follow(state: Ram) -> None:
             bank.measurements += measured
             gyros, accelerometers = state.redundancy.gyros, state.redundancy.accelerometers
             is_second = gyros.excluded | accelerometers.excluded != 0
-            bank.found = _decide(bank, RATIO if is_second else _RARER)
+            bank.found = _decide(bank, RATIO if is_second else _OVER_PAIRS)
             if bank.found > 0:
                 return
 
@@ -429,12 +428,12 @@ def _is_single(one: Hypothesis) -> bool:
 
 
 @compiled
-def _decide(bank: Bank, over_rarer: float) -> int:
+def _decide(bank: Bank, over_pairs: float) -> int:
     """Return the filter of the sensor that explains the reference far better than all without it.
 
     `found_kind` is then the kind of that sensor. 0 where that is not clear: where one by which it
     is sound explains it nearly as well, that of none included, or two sensors far better, or where
-    nothing does. Than what is rarer it has to explain more by `over_rarer`.
+    nothing does. Than two sensors it has to explain more by `over_pairs`.
     """
     best, least, misfit = 0, math.inf, 1.0
     for k in range(bank.count):
@@ -445,7 +444,7 @@ def _decide(bank: Bank, over_rarer: float) -> int:
             best = k
     one = bank.filters[best]
     excess = one.squares - bank.measurements
-    if one.score - least > _RARER or excess > _REST * math.sqrt(2.0 * bank.measurements):
+    if one.score - least > _OVER_PAIRS or excess > _REST * math.sqrt(2.0 * bank.measurements):
         return 0
     if bank.measurements > 0:
         misfit = max(1.0, one.squares / bank.measurements)  # by how much all variances are short
@@ -454,8 +453,7 @@ def _decide(bank: Bank, over_rarer: float) -> int:
         for k in range(bank.count):
             other = bank.filters[k]
             fails = one.sensor[kind] == other.sensor[kind] or one.sensor[kind] == other.second[kind]
-            is_rarer = other.second[kind] >= 0 or other.sensor[kind] == ALIKE
-            wanted = over_rarer if is_rarer else RATIO
+            wanted = over_pairs if other.second[kind] >= 0 else RATIO
             less = other.score - pairs.fitted(other) - one.score
             clear = clear and (fails or less > wanted * misfit)
         if clear:

@@ -67,7 +67,8 @@ def integrity(
         paths, commands = study.write(out)
         report, picture = map(str, paths)
         values = study.values() | {"report": report, "picture": picture, "repeat": commands}
-        print_results(as_json, values, [_table(study), *_lines(study, commands), report, picture])
+        tables = [_table(study), _healthy(study)]
+        print_results(as_json, values, [*tables, *_lines(study, commands), report, picture])
     if study.misleading:
         raise MisleadingError(
             f"the error exceeded its protection level in {len(study.misleading)} of "
@@ -97,12 +98,25 @@ def _table(study: Study) -> Table:
     return table
 
 
+def _healthy(study: Study) -> Table:
+    from rrins.host_tools.campaigns.summary import shown
+    from rrins.host_tools.integrity.stanford import SCALES
+    from rrins.host_tools.terminal import new_table
+
+    title = "Error over σ of the healthy cases, root mean square"
+    table = new_table(title, "preset, or aids", "cases", *(scale.name for scale in SCALES))
+    for one in study.healthy:
+        table.add_row(one.group, str(one.cases), *map(shown, one.error_over_sigma.values()))
+    return table
+
+
 def _lines(study: Study, commands: dict[int, str]) -> list[str]:
     from rrins.host_tools.campaigns.summary import shown
 
     rate, alerts = study.hourly, study.to_alert_s()
+    medians = study.healthy[0].level_over_sigma.items()
+    levels = ", ".join(f"{name} {shown(value)}" for name, value in medians)
     beyond = len(study.misleading_beyond)
-    levels = ", ".join(f"{name} {shown(value)}" for name, value in study.over_sigma().items())
     lines = [
         f"{len(study.misleading)} of {len(study.results)} cases misleading in "
         f"{rounded(study.hours)} h: "

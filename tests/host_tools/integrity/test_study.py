@@ -39,7 +39,8 @@ def seconds(*rows):
     """Return seconds of (horizontal error, bound, status); the others are within theirs."""
     error, bound = np.full((len(rows), 3), 1e-3), np.full((len(rows), 3), 1e-2)
     error[:, 0], bound[:, 0] = [row[0] for row in rows], [row[1] for row in rows]
-    return Seconds(error, bound, bound / 6, np.array([row[2] for row in rows]))
+    sigma = bound / 6
+    return Seconds(error, bound, sigma, error / sigma, np.array([row[2] for row in rows]))
 
 
 def test_an_error_beyond_its_bound_misleads_while_it_is_called_available(case):
@@ -48,6 +49,8 @@ def test_an_error_beyond_its_bound_misleads_while_it_is_called_available(case):
     assert (found.seconds, found.available, found.degraded) == (5, 3, 1)
     assert found.excess == pytest.approx(1.5)
     assert found.over_sigma == pytest.approx((6, 6, 6))
+    squares = [(6 * error / bound) ** 2 for error, bound in ((1, 2), *[(3, 2)] * 3, (9, 10))]
+    assert found.error_over_sigma[0] == pytest.approx(np.sqrt(np.mean(squares)))
     assert not judged(case, seconds((5, math.inf, ON))).is_misleading
     assert judged(case, trial.no_seconds(), ended="FAULT").seconds == 0
 
@@ -105,6 +108,19 @@ def test_faults_that_a_unit_assumes_never_to_happen_are_a_row_of_their_own(case)
         study.results.append(judged(one, rows))
     assert [one.kind for one in study.strata] == ["gnss", "gnss, no rate"]
     assert len(study.misleading) == len(study.misleading_beyond) == 1
+
+
+def test_healthy_cases_are_told_by_preset_and_by_aids(case):
+    study, rows = Study(3), seconds((1, 6, ON), (2, 6, ON))
+    for aids in ({}, {"gnss": None}, {"gnss": None, "odometer": None}):
+        one = cases.Case(0, cases.HEALTHY, case.scenario.varied(**aids), frozenset())
+        study.results.append(judged(one, rows))
+    study.results.append(judged(case, rows))
+    figures = {one.group: one for one in study.healthy}
+    assert figures["all"].cases == 3
+    assert figures["all"].error_over_sigma["horizontal"] == pytest.approx(math.sqrt(2.5))
+    assert figures["all"].level_over_sigma["horizontal"] == pytest.approx(6)
+    assert {"GNSS, odometer, altimeter", "odometer, altimeter", "altimeter"} < figures.keys()
 
 
 ONCE = [(2, 213), (2, 228), (2, 330), (2, 335), (77, 71), (77, 294), (77, 396)]
