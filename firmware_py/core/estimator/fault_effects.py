@@ -59,6 +59,7 @@ _RECENT = 64
 """Innovations over which their agreement with the filter is judged."""
 
 _GNSS_POSITION, _GNSS_VELOCITY = int(Aid.GNSS_POSITION), int(Aid.GNSS_VELOCITY)
+_ALTIMETER = int(Aid.ALTIMETER)
 
 
 @compiled
@@ -80,6 +81,8 @@ def _restart(state: Ram, fault: Fault, k: int, age: int) -> None:
     effect.begun_s = state.integrity.seconds
     effect.information = fault.known
     effect.correlation = 0.0
+    effect.refused_information = 0.0
+    effect.refused_correlation = 0.0
     effect.state[:] = 0.0
     gyros, sensors = int(state.gyros.count), int(state.gyros.count + state.accelerometers.count)
     aid = k - FIRST_AID
@@ -135,9 +138,10 @@ def _drive(state: Ram) -> None:
 @compiled
 def _shown(effect: Effect) -> float:
     """Return the square of the statistic of a fault."""
-    if effect.information <= 0.0:
+    information = effect.information + effect.refused_information
+    if information <= 0.0:
         return 0.0
-    return float(effect.correlation * effect.correlation / effect.information)
+    return float((effect.correlation + effect.refused_correlation) ** 2 / information)
 
 
 @compiled
@@ -153,6 +157,8 @@ def _keep_suspect(state: Ram, fault: Fault) -> None:
     kept.begun_s = effect.begun_s
     kept.information = effect.information
     kept.correlation = effect.correlation
+    kept.refused_information = effect.refused_information
+    kept.refused_correlation = effect.refused_correlation
     copy(kept.state, effect.state)
 
 
@@ -192,13 +198,17 @@ def _offset(integrity: Integrity, effect: Effect, k: int, aid: int, component: i
 def take(
     state: Ram, aid: int, component: int, innovation: float, expected: float, is_used: bool
 ) -> None:
-    """Follow a measurement: its row and gain are those in the estimator's scratch."""
+    """Follow a measurement: its row and gain are those in the estimator's scratch.
+
+    What refused heights of the altimeter say is kept apart, as it may turn out to be void.
+    """
     integrity, estimator = state.integrity, state.estimator
     row, gain, n = estimator.row, estimator.gain, int(estimator.states)
     square = min(innovation * innovation / expected, _REFUSED_MOST)
     integrity.agreement += (square - integrity.agreement) / _RECENT
     if aid == _GNSS_POSITION:
         integrity.refused[component] = 0.0 if is_used else abs(innovation)
+    apart = aid == _ALTIMETER and not is_used
     for k in range(FAULT_CAPACITY):
         fault = integrity.faults[k]
         if not fault.present:
@@ -209,9 +219,23 @@ def take(
             for i in range(n):
                 if row[i] != 0.0:
                     shift += row[i] * effect.state[i]
+            if apart:
+                effect.refused_information += shift * shift / expected
+                effect.refused_correlation += shift * innovation / expected
+                continue
             effect.information += shift * shift / expected
             effect.correlation += shift * innovation / expected
             if is_used:
                 share = shift / expected
                 for i in range(n):
                     effect.state[i] -= gain[i] * share
+
+
+@compiled
+def forget_refused(integrity: Integrity) -> None:
+    """Forget what refused heights of the altimeter have said: it was the altimeter that erred."""
+    for k in range(FAULT_CAPACITY):
+        for age in range(AGES):
+            effect = integrity.faults[k].effects[age]
+            effect.refused_information = 0.0
+            effect.refused_correlation = 0.0

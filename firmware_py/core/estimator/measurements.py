@@ -17,6 +17,7 @@ from rrins.firmware_py.core.estimator import (
     covariance,
     doubt,
     fault_effects,
+    heights,
     lockout,
     receiver,
     standstill,
@@ -73,6 +74,8 @@ def begin(state: Ram) -> None:
     estimator.heights = 0
     estimator.height_sum = 0.0
     estimator.height_epochs = 0
+    estimator.heights_refused = 0
+    estimator.fix_height_epoch = -1
     estimator.correction_epoch[:] = -1
     for aid in range(AIDS):
         source = estimator.sources[aid]
@@ -236,6 +239,8 @@ def _judge(state: Ram, aid: int, component: int, innovation: float, sigma: float
         if source.distrust < NO_TRUST or not doubt.explains(estimator, state.epoch):
             if state.integrity.enabled:
                 fault_effects.take(state, aid, component, innovation, expected, False)
+            if aid == _ALTIMETER:
+                heights.refuse(state, innovation)
             return False
         expected = lockout.open_along(estimator, innovation, expected)
         square = 1.0
@@ -245,6 +250,10 @@ def _judge(state: Ram, aid: int, component: int, innovation: float, sigma: float
         fault_effects.take(state, aid, component, innovation, expected, True)
     if aid != _ALTIMETER:
         estimator.aided_epoch = state.epoch
+    else:
+        estimator.heights_refused = 0
+    if aid == _GNSS_POSITION and component == COMPONENTS - 1:
+        estimator.fix_height_epoch = state.epoch
     source.used += 1
     source.distrust = max(0, source.distrust - 1)
     source.rejected_in_a_row = 0

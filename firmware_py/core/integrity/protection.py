@@ -165,7 +165,8 @@ def _cover(state: Ram, number: int, parity: Parity, by_parity: bool, alarm: bool
             odds = fault.odds[age]
             if age == SINCE_BEGIN:
                 odds += lately
-            information, correlation = effect.information, effect.correlation
+            information = effect.information + effect.refused_information
+            correlation = effect.correlation + effect.refused_correlation
             if by_parity:
                 if age == AT_BEGIN:
                     more, along = _from_constant(parity, int(fault.sensor))

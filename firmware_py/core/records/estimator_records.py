@@ -193,6 +193,8 @@ class Estimator(Record):
     constant: Annotated[Floats, (2 * SENSOR_CONSTANTS, SENSOR_GROUPS)]  #: of gyros, accelerometers
     altimeter: Bool  #: whether it is a measurement
     altimeter_state: I8  #: of its bias
+    heights_refused: I8  #: of it, in a row, while the receiver's passed
+    fix_height_epoch: I8  #: of the receiver's last height that passed; -1: none
     altimeter_bias: F8  #: m
     sway: Bool  #: whether the vehicle sways about a known place
     sway_state: I8  #: of the first of its states

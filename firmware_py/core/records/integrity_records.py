@@ -52,6 +52,8 @@ class Effect(Record):
     begun_s: I8  #: second of the filter in which the fault began
     information: F8  #: of the innovations about the fault's size
     correlation: F8  #: of the innovations with what the fault would make of them
+    refused_information: F8  #: of heights of the altimeter that are refused, apart from it
+    refused_correlation: F8  #: of these
 
 
 class Fault(Record):

@@ -89,6 +89,20 @@ def test_under_a_fault_the_error_is_below_its_bound_or_the_navigation_not_availa
     assert not (misleading & (seconds["integrity"] == AVAILABLE)).any()
 
 
+@pytest.mark.parametrize("jump_m", [2, -100])
+def test_an_altimeter_that_jumps_beside_a_receiver_is_learned_anew(jump_m):
+    _, seconds, errors = followed(
+        odometer=None,
+        duration_s=500,
+        faults=[{"at_s": AT_S, "kind": "altimeter_jump", "jump_m": jump_m}],
+    )
+    before, after = seconds[round(AT_S) - 2], seconds[round(AT_S) + 60 :]
+    assert (after["integrity"] == AVAILABLE).all()
+    learned = after["altimeter_bias"][-1] - before["altimeter_bias"]
+    assert learned == pytest.approx(jump_m, abs=1)
+    assert errors[:, VERTICAL].max() < 1
+
+
 def test_a_drift_that_is_followed_is_suspected_before_it_is_ten_metres():
     """Without a second aid nothing else shows that fixes and velocities are led away together."""
     _, seconds, errors = followed(
