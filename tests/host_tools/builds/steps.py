@@ -12,6 +12,7 @@ import numpy as np
 
 from rrins.dbc.frame import Frame, frame_array
 from rrins.firmware_py.core.frames_in.clock import own_clock_ns
+from rrins.firmware_py.core.step import firmware_step
 from rrins.firmware_py.loop import Firmware
 from rrins.host_tools.builds import toolchain
 from rrins.host_tools.builds.build import Build
@@ -20,7 +21,7 @@ from rrins.host_tools.builds.targets import TARGETS
 from rrins.host_tools.builds.variants import shortened
 from rrins.host_tools.hardware.loop import Hardware
 from rrins.host_tools.hardware.step import hardware_step
-from rrins.host_tools.runs.exchange import answer_epoch, exchange_epoch
+from rrins.host_tools.runs.exchange import answer_epoch
 from rrins.host_tools.runs.set_up.settings import firmware_settings, hardware_settings
 from rrins.host_tools.scenario.scenario import Scenario
 
@@ -42,7 +43,10 @@ def _at(memory: Any) -> ctypes.c_void_p:
 def first_difference(
     scenario: Scenario, built: Build, library: ctypes.CDLL, epochs: int
 ) -> str | None:
-    """Run both sides by Python's functions and by a build's; say where they first differ."""
+    """Run both sides by Python's steps and by a build's; say where they first differ.
+
+    By the steps alone: what Python does between two of them is no part of the objects.
+    """
     firmware, hardware = (
         Firmware(firmware_settings(scenario)),
         Hardware(hardware_settings(scenario)),
@@ -55,16 +59,23 @@ def first_difference(
     library.rrins_hardware_power_on(_at(plant))
     up, down = frame_array(HARDWARE_OUTBOX), frame_array(FIRMWARE_OUTBOX)
     error_ppm = scenario.firmware.clock_error_ppm
-    arrival_ns, is_whole = ram["clock"]["sync_arrival_ns"], ram["clock"]["is_whole"]
     sent = count = 0
     for epoch in range(epochs):
-        count = exchange_epoch(hardware, firmware, epoch, count, error_ppm)
+        for memory in ram, firmware.ram:
+            memory["clock"]["sync_arrival_ns"] = own_clock_ns(epoch * firmware.period_ns, error_ppm)
+            memory["clock"]["is_whole"] = True
+        came = hardware_step(
+            hardware.plant, hardware.pieces, firmware.contract, firmware.outbox, count,
+            hardware.outbox,
+        )  # fmt: skip
+        count = firmware_step(
+            firmware.ram, firmware.contract, hardware.outbox, 0, came, firmware.outbox,
+            firmware.compares, firmware.estimates,
+        )  # fmt: skip
         received = library.rrins_hardware_step(
             _at(plant), _at(images.motion), len(images.motion), _at(images.contract),
             _at(down), sent, _at(up),
         )  # fmt: skip
-        arrival_ns[0] = own_clock_ns(epoch * firmware.period_ns, error_ppm)
-        is_whole[0] = True
         sent = library.rrins_firmware_step(
             _at(ram), _at(images.contract), _at(up), received, _at(down)
         )
