@@ -11,11 +11,9 @@ import numpy as np
 from rrins.compiled.record import Floats
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.integrity import cases
-from rrins.host_tools.integrity.stanford import SCALES
+from rrins.host_tools.integrity.stanford import NAMES
 from rrins.host_tools.integrity.trial import Result
 from rrins.host_tools.scenario.scenario import Scenario
-
-_NAMES = tuple(scale.name for scale in SCALES)
 
 
 @dataclass(frozen=True)
@@ -78,9 +76,9 @@ def _group(name: str, members: Sequence[Result]) -> Healthy:
 
 def _columns(rows: Sequence[tuple[float, ...]]) -> dict[str, Floats]:
     """Return the known figures of each bound; a NaN where there is none."""
-    columns = np.array(rows).reshape(-1, len(_NAMES)).T
+    columns = np.array(rows).reshape(-1, len(NAMES)).T
     known = [column[np.isfinite(column)] for column in columns]
     return {
         name: own if len(own) else np.full(1, math.nan)
-        for name, own in zip(_NAMES, known, strict=True)
+        for name, own in zip(NAMES, known, strict=True)
     }

@@ -49,6 +49,7 @@ SCALES: Final = (
     Scale("vertical", "m", 1.0, 1e-2),
     Scale("heading", "°", np.pi / 180.0, 1e-5),
 )
+NAMES: Final = tuple(scale.name for scale in SCALES)
 
 
 def no_counts() -> Counts:

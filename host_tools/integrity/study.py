@@ -21,13 +21,12 @@ from rrins.host_tools.integrity.cases import Case
 from rrins.host_tools.integrity.healthy import Healthy, healthy_of
 from rrins.host_tools.integrity.pictures import stanford_figure
 from rrins.host_tools.integrity.risk import Stratum, hourly, strata_of
-from rrins.host_tools.integrity.stanford import SCALES, Counts, no_counts
+from rrins.host_tools.integrity.stanford import NAMES, Counts, no_counts
 from rrins.host_tools.integrity.trial import Result, judged, no_seconds, run
 from rrins.host_tools.integrity.words import percent
 from rrins.host_tools.scenario.scenario import Scenario
 
 _CASES = "cases"
-_NAMES = tuple(scale.name for scale in SCALES)
 
 
 @dataclass
@@ -151,7 +150,7 @@ class Study:
             "hours": round(self.hours, 3),
             "misleading": {
                 "cases": [one.case.number for one in self.misleading],
-                "seconds": dict(zip(_NAMES, self.misleading_seconds(), strict=True)),
+                "seconds": dict(zip(NAMES, self.misleading_seconds(), strict=True)),
                 "beyond": [one.case.number for one in self.misleading_beyond],
                 "share": proportion(len(self.misleading), len(self.results)).values(),
                 "per_h": self.hourly.values(),
@@ -213,7 +212,7 @@ class Study:
             keeps=(REPORT,),
             filters={"shown": shown, "percent": percent},
             study=self,
-            bounds=_NAMES,
+            bounds=NAMES,
             listed=listed,
             commands=commands,
             share=proportion(len(self.misleading), len(self.results)),

@@ -15,7 +15,8 @@ from rrins.firmware_py.core.records.memory import Ram
 PATIENCE = 30
 """Heights refused in a row: in as many seconds the receiver has the say of the height."""
 
-_RECENT_S = 2
+_RECENT = 2
+"""Intervals of fixes, or seconds if longer, in which a height of the receiver has passed."""
 
 _GNSS_POSITION, _ALTIMETER = int(Aid.GNSS_POSITION), int(Aid.ALTIMETER)
 
@@ -25,7 +26,8 @@ def refuse(state: Ram, innovation: float) -> None:
     """Note that the gate has refused a height of the altimeter; learn its bias anew in time."""
     estimator, sources = state.estimator, state.estimator.sources
     since = state.epoch - estimator.fix_height_epoch
-    passes = estimator.fix_height_epoch >= 0 and since <= _RECENT_S * estimator.second_epochs
+    recent = _RECENT * max(state.gnss.interval_epochs, estimator.second_epochs)
+    passes = estimator.fix_height_epoch >= 0 and since <= recent
     if not passes or sources[_GNSS_POSITION].distrust > 0:
         estimator.heights_refused = 0
         return
