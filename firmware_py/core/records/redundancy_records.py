@@ -357,7 +357,6 @@ class Hypothesis(Record):
     reached: F8  #: share of the present block
     squares: F8  #: sum of the squares of normalised innovations
     score: F8  #: the same plus the logarithms of their variances: minus twice the likelihood's
-    earlier: F8  #: the score of before the fault may have begun, since the filters run
 
 
 class Bank(Record):

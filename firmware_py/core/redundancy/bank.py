@@ -139,10 +139,8 @@ def _forget_evidence(bank: Bank) -> None:
     """Weigh the hypotheses anew: before the fault may have begun, all sensors are sound."""
     bank.measurements = 0
     for index in range(bank.count):
-        one = bank.filters[index]
-        one.squares = 0.0
-        one.earlier += one.score
-        one.score = 0.0
+        bank.filters[index].squares = 0.0
+        bank.filters[index].score = 0.0
 
 
 @compiled
@@ -230,8 +228,6 @@ def _begin(state: Ram, doubts: int) -> None:
             one.P[CHANGE + i, CHANGE + i] = accelerometers.bias_variance
         one.P[ATTITUDE + 2, ATTITUDE + 2] = _HEADING**2
     _forget_evidence(bank)
-    for index in range(bank.count):
-        bank.filters[index].earlier = 0.0
 
 
 @compiled
@@ -437,8 +433,7 @@ def _decide(bank: Bank, over_pairs: float) -> int:
 
     `found_kind` is then the kind of that sensor. 0 where that is not clear: where one by which it
     is sound explains it nearly as well, that of none included, or two sensors far better, or where
-    nothing does; or where the fault is older than it seems, and in the filters. Than two sensors it
-    has to explain more by `over_pairs`.
+    nothing does. Than two sensors it has to explain more by `over_pairs`.
     """
     best, least, misfit = 0, math.inf, 1.0
     for k in range(bank.count):
@@ -453,8 +448,6 @@ def _decide(bank: Bank, over_pairs: float) -> int:
         return 0
     if bank.measurements > 0:
         misfit = max(1.0, one.squares / bank.measurements)  # by how much all variances are short
-    if bank.filters[0].earlier - one.earlier > RATIO * misfit:
-        return 0
     for kind in range(2):
         clear = bank.doubts >> kind & 1 != 0
         for k in range(bank.count):
