@@ -64,7 +64,7 @@ def healthy_of(results: Sequence[Result]) -> list[Healthy]:
 
 
 def _group(name: str, members: Sequence[Result]) -> Healthy:
-    levels = _columns([one.over_sigma for one in members])
+    levels = _columns([one.level_over_sigma for one in members])
     errors = _columns([one.error_over_sigma for one in members])
     return Healthy(
         name,

@@ -41,7 +41,7 @@ class Seconds:
     error: Floats  #: shape (n, 3)
     bound: Floats  #: shape (n, 3); infinite where there is none
     sigma: Floats  #: shape (n, 3); of the filter, horizontally along the larger of east and north
-    over_sigma: Floats  #: errors, shape (n, 3); horizontally the root mean square of both axes
+    error_over_sigma: Floats  #: shape (n, 3); horizontally the root mean square of both axes
     status: NDArray[np.int64]  #: an `IntegrityStatus`, shape (n,)
 
     @property
@@ -61,7 +61,9 @@ class Result:
     misleading: tuple[int, ...]  #: seconds available with the error beyond each of `BOUNDS`
     doubtful: tuple[int, ...]  #: the same while degraded
     excess: float  #: largest error over bound while trusted
-    over_sigma: tuple[float, ...]  #: median of each bound over sigma while trusted; NaN for none
+    level_over_sigma: tuple[
+        float, ...
+    ]  #: median of each bound over sigma while trusted; NaN for none
     error_over_sigma: tuple[float, ...]  #: root mean square of each error over sigma; NaN for none
     to_alert_s: float  #: longest time trusted with an error beyond an alert limit
     sound_left_out: tuple[str, ...]
@@ -106,7 +108,9 @@ def seconds_of(errors: Errors, estimates: Records[EstimatorSecond], rate_hz: int
     sigma[:, HEADING] = known["attitude_sigma"][:, 2]
     over_sigma = error / np.where(sigma > 0.0, sigma, np.inf)
     level = np.stack([errors.position_east_m[at], errors.position_north_m[at]], axis=1)
-    over_sigma[:, HORIZONTAL] = np.sqrt(np.mean((level / known["position_sigma"][:, :2]) ** 2, 1))
+    level_sigma = known["position_sigma"][:, :2]
+    level /= np.where(level_sigma > 0.0, level_sigma, np.inf)
+    over_sigma[:, HORIZONTAL] = np.sqrt(np.mean(level**2, axis=1))
     return Seconds(error, bound, sigma, over_sigma, known["integrity"])
 
 
@@ -149,7 +153,7 @@ def judged(
         misleading=_counted(is_beyond[is_available]),
         doubtful=_counted(is_beyond[is_degraded]),
         excess=float(excess.max(initial=0.0)),
-        over_sigma=_over_sigma(seconds),
+        level_over_sigma=_level_over_sigma(seconds),
         error_over_sigma=_error_over_sigma(seconds),
         to_alert_s=float(_longest(is_silent)),
         sound_left_out=tuple(sorted(excluded - case.failing)),
@@ -158,7 +162,7 @@ def judged(
     )
 
 
-def _over_sigma(seconds: Seconds) -> tuple[float, ...]:
+def _level_over_sigma(seconds: Seconds) -> tuple[float, ...]:
     found = []
     for k in range(BOUNDS):
         bound, sigma = seconds.bound[:, k], seconds.sigma[:, k]
@@ -171,8 +175,7 @@ def _over_sigma(seconds: Seconds) -> tuple[float, ...]:
 def _error_over_sigma(seconds: Seconds) -> tuple[float, ...]:
     found = []
     for k in range(BOUNDS):
-        own = seconds.over_sigma[:, k]
-        known = own[np.isfinite(own) & (seconds.sigma[:, k] > 0.0)]
+        known = seconds.error_over_sigma[seconds.sigma[:, k] > 0.0, k]
         found.append(float(np.sqrt(np.mean(known**2))) if len(known) else math.nan)
     return tuple(found)
 

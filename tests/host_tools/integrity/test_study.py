@@ -48,7 +48,7 @@ def test_an_error_beyond_its_bound_misleads_while_it_is_called_available(case):
     assert (found.misleading, found.doubtful) == ((1, 0, 0), (1, 0, 0))
     assert (found.seconds, found.available, found.degraded) == (5, 3, 1)
     assert found.excess == pytest.approx(1.5)
-    assert found.over_sigma == pytest.approx((6, 6, 6))
+    assert found.level_over_sigma == pytest.approx((6, 6, 6))
     squares = [(6 * error / bound) ** 2 for error, bound in ((1, 2), *[(3, 2)] * 3, (9, 10))]
     assert found.error_over_sigma[0] == pytest.approx(np.sqrt(np.mean(squares)))
     assert not judged(case, seconds((5, math.inf, ON))).is_misleading

@@ -150,17 +150,14 @@ ROUGH_ODOMETER = {
 """Off by all that its firmware does not know, and beside the point that does not slip."""
 
 
-@pytest.mark.parametrize(
-    ("sensor", "within_s"), [in_soak(1, 150), (2, 65), in_soak(3, 65), in_soak(4, 65)]
-)
-def test_in_motion_an_odometer_alone_tells_which_gyro_fails(sensor, within_s):
-    """The vertical one last: that all are off alike has to be ruled out, too."""
+@pytest.mark.parametrize("sensor", [in_soak(1), 2, in_soak(3), in_soak(4)])
+def test_in_motion_an_odometer_alone_tells_which_gyro_fails(sensor):
     fault = {"kind": "gyro_bias", "sensor": sensor, "bias_dph": 10}
     slip = {"kind": "odometer_slip", "at_s": AT_S - 2, "for_s": 5, "slip_percent": 10 * sensor}
-    run = in_the_drive(fault, slip, seed=sensor, duration_s=380, gnss=None, odometer=ROUGH_ODOMETER)
+    run = in_the_drive(fault, slip, seed=sensor, gnss=None, odometer=ROUGH_ODOMETER)
     gyros = run.summary["redundancy"]["gyros"]
     assert (gyros["excluded"], gyros["how"]) == ([sensor], "reference")
-    assert gyros["isolated_s"] - (AT_S - BEFORE_S) < within_s
+    assert gyros["isolated_s"] - (AT_S - BEFORE_S) < 65
 
 
 @pytest.mark.parametrize("percent", [in_soak(1), 2, in_soak(4), 8])
