@@ -153,7 +153,11 @@ def _keep_suspect(state: Ram, fault: Fault) -> None:
             best, most = age, _shown(fault.effects[age])
     if best < 0:
         return
-    kept, effect = fault.effects[SUSPECT], fault.effects[best]
+    _keep(fault.effects[SUSPECT], fault.effects[best])
+
+
+@compiled
+def _keep(kept: Effect, effect: Effect) -> None:
     kept.begun_s = effect.begun_s
     kept.information = effect.information
     kept.correlation = effect.correlation
@@ -239,3 +243,6 @@ def forget_refused(integrity: Integrity) -> None:
             effect = integrity.faults[k].effects[age]
             effect.refused_information = 0.0
             effect.refused_correlation = 0.0
+        suspect = integrity.faults[k].effects[SUSPECT]
+        if _shown(suspect) < _KEPT_FROM:  # it was kept for what is void now
+            _keep(suspect, integrity.faults[k].effects[SINCE_BEGIN])

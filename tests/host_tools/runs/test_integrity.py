@@ -98,6 +98,7 @@ def test_an_altimeter_that_jumps_beside_a_receiver_is_learned_anew(jump_m):
     )
     before, after = seconds[round(AT_S) - 2], seconds[round(AT_S) + 60 :]
     assert (after["integrity"] == AVAILABLE).all()
+    assert (after["protection"][-1] < 2 * before["protection"]).all()
     learned = after["altimeter_bias"][-1] - before["altimeter_bias"]
     assert learned == pytest.approx(jump_m, abs=1)
     assert errors[:, VERTICAL].max() < 1
