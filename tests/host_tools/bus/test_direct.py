@@ -38,8 +38,11 @@ class CountingPort(BatchPort):
         super().send(*arguments)
 
 
-def rehearse(channel, scenario, guest=None):
-    """Rehearse in two threads, and a guest in a third from `FIRST` on; return what took part."""
+def rehearse(channel, scenario, guest=None, until=None):
+    """Rehearse in two threads, and a guest in a third from `FIRST` on; return what took part.
+
+    The run stands still at `FIRST` until the guest has come and set `until`, if there is one.
+    """
     address = Address("rrins", channel)
     firmware = Firmware(firmware_settings(scenario))
     hardware = Hardware(hardware_settings(scenario), scenario_wire(scenario, is_live=True))
@@ -59,6 +62,7 @@ def rehearse(channel, scenario, guest=None):
         if epoch == FIRST and guest is not None:
             begin(lambda: guest(port))
             port.meet(("guest",))
+            assert until is None or until.wait(60.0)
 
     begin(navigate)
     try:
@@ -108,19 +112,22 @@ def test_a_guest_in_the_middle_sees_every_epoch_and_changes_nothing(short):
 
 def test_what_a_guest_sends_reaches_the_firmware_in_the_time_of_the_run(short):
     answers = []
+    asked = threading.Event()
 
     def ask(port):
         tester = {"arbitration_id": load().frame_id("DIAG_REQUEST"), "is_extended_id": False}
         with can.Bus("asks", interface="rrins", host="never", name="guest") as bus:
             bus.send(can.Message(data=bytes([2, 0x3E, 0, 0, 0, 0, 0, 0]), **tester))
+            asked.set()
             response = load().frame_id("DIAG_RESPONSE")
             while message := bus.recv(60.0):
                 if message.arbitration_id == response:
                     answers.append(message)
                     return
 
-    firmware, _, _ = rehearse("asks", short(), ask)
+    firmware, _, _ = rehearse("asks", short(), ask, asked)
     (answer,) = answers
     assert bytes(answer.data[:3]) == bytes([2, 0x7E, 0])
-    assert FIRST * 0.005 < answer.timestamp < FIRST * 0.005 + 1.0
+    asked_s = FIRST * 0.005
+    assert asked_s < answer.timestamp < asked_s + EVERY * 0.005
     assert firmware.is_shut_down
