@@ -31,6 +31,7 @@ from rrins.firmware_py.core.records.integrity_records import (
     AGES,
     ALL_GYROS,
     ALTIMETER_FAULT,
+    CHANNELS,
     FAULT_CAPACITY,
     GNSS_DRIFT,
     GNSS_STEP,
@@ -49,7 +50,7 @@ from rrins.firmware_py.core.records.memory import Ram
 FIRST_AID = FAULT_CAPACITY - OTHER_FAULTS
 FIRST_ALIKE, FIRST_SHIFT = FIRST_AID + ALL_GYROS, FIRST_AID + GYROS_SHIFT
 
-_KEPT_FROM = 12.0
+KEPT_FROM = 12.0
 """Square of the statistic of a fault from which on it is kept."""
 
 _REFUSED_MOST = 25.0
@@ -59,7 +60,7 @@ _RECENT = 64
 """Innovations over which their agreement with the filter is judged."""
 
 _GNSS_POSITION, _GNSS_VELOCITY = int(Aid.GNSS_POSITION), int(Aid.GNSS_VELOCITY)
-_ALTIMETER = int(Aid.ALTIMETER)
+_ODOMETER, _ALTIMETER = int(Aid.ODOMETER), int(Aid.ALTIMETER)
 
 
 @compiled
@@ -69,6 +70,9 @@ def begin(state: Ram) -> None:
     integrity.seconds = 0
     integrity.agreement = 1.0
     integrity.refused[:] = 0.0
+    integrity.owed[:] = 0
+    integrity.outweighed[:] = 0
+    integrity.explained[:] = 0
     for k in range(FAULT_CAPACITY):
         for age in range(AGES):
             _restart(state, integrity.faults[k], k, age)
@@ -81,8 +85,9 @@ def _restart(state: Ram, fault: Fault, k: int, age: int) -> None:
     effect.begun_s = state.integrity.seconds
     effect.information = fault.known
     effect.correlation = 0.0
-    effect.refused_information = 0.0
-    effect.refused_correlation = 0.0
+    effect.refused_information[:] = 0.0
+    effect.refused_correlation[:] = 0.0
+    effect.left = 1.0
     effect.state[:] = 0.0
     gyros, sensors = int(state.gyros.count), int(state.gyros.count + state.accelerometers.count)
     aid = k - FIRST_AID
@@ -136,33 +141,70 @@ def _drive(state: Ram) -> None:
 
 
 @compiled
-def _shown(effect: Effect) -> float:
+def channel_of(aid: int, component: int) -> int:
+    """Return the channel of a measurement; -1: it comes from no device that may fail."""
+    if aid == _GNSS_POSITION:
+        return component
+    if aid == _GNSS_VELOCITY:  # latitude is north, the second component of a velocity
+        return 1 - component if component < 2 else component
+    if aid == _ODOMETER:
+        return COMPONENTS
+    return COMPONENTS + 1 if aid == _ALTIMETER else -1
+
+
+@compiled
+def channel_at_fault(k: int) -> int:
+    """Return the channel that a fault is of; -1: it is of the sensors."""
+    if not FIRST_AID <= k < FIRST_ALIKE:
+        return -1
+    fault = k - FIRST_AID
+    return fault % COMPONENTS if fault < ODOMETER_FAULT else fault - ODOMETER_FAULT + COMPONENTS
+
+
+@compiled
+def device_of(channel: int) -> int:
+    """Return the device of a channel; -1: there is none."""
+    return channel if channel < 0 else max(0, channel - COMPONENTS + 1)
+
+
+@compiled
+def evidence(effect: Effect) -> tuple[float, float]:
+    """Return information and correlation of all innovations, the refused ones among them."""
+    information, correlation = float(effect.information), float(effect.correlation)
+    for channel in range(CHANNELS):
+        information += effect.refused_information[channel]
+        correlation += effect.refused_correlation[channel]
+    return information, correlation
+
+
+@compiled
+def shown(effect: Effect) -> float:
     """Return the square of the statistic of a fault."""
-    information = effect.information + effect.refused_information
-    if information <= 0.0:
-        return 0.0
-    return float((effect.correlation + effect.refused_correlation) ** 2 / information)
+    information, correlation = evidence(effect)
+    return correlation * correlation / information if information > 0.0 else 0.0
 
 
 @compiled
 def _keep_suspect(state: Ram, fault: Fault) -> None:
     """Keep the time since which a fault shows most, for as long as no other shows more."""
-    best, most = -1, max(_KEPT_FROM, _shown(fault.effects[SUSPECT]))
+    best, most = -1, max(KEPT_FROM, shown(fault.effects[SUSPECT]))
     for age in range(SINCE_BEGIN):
-        if _shown(fault.effects[age]) > most:
-            best, most = age, _shown(fault.effects[age])
+        if shown(fault.effects[age]) > most:
+            best, most = age, shown(fault.effects[age])
     if best < 0:
         return
-    _keep(fault.effects[SUSPECT], fault.effects[best])
+    keep(fault.effects[SUSPECT], fault.effects[best])
 
 
 @compiled
-def _keep(kept: Effect, effect: Effect) -> None:
+def keep(kept: Effect, effect: Effect) -> None:
+    """Let one effect be as another is."""
     kept.begun_s = effect.begun_s
     kept.information = effect.information
     kept.correlation = effect.correlation
-    kept.refused_information = effect.refused_information
-    kept.refused_correlation = effect.refused_correlation
+    copy(kept.refused_information, effect.refused_information)
+    copy(kept.refused_correlation, effect.refused_correlation)
+    kept.left = effect.left
     copy(kept.state, effect.state)
 
 
@@ -188,12 +230,11 @@ def _offset(integrity: Integrity, effect: Effect, k: int, aid: int, component: i
     if fault == GNSS_STEP + component and aid == _GNSS_POSITION:
         return 1.0
     if GNSS_DRIFT <= fault < GNSS_DRIFT + COMPONENTS:
-        axis = fault - GNSS_DRIFT
-        if aid == _GNSS_POSITION and axis == component:
+        if channel_of(aid, component) != channel_at_fault(k):
+            return 0.0
+        if aid == _GNSS_POSITION:
             return float(integrity.seconds - effect.begun_s)
-        # Latitude is north, the second component of a velocity.
-        along = 1 - axis if axis < 2 else axis
-        if aid == _GNSS_VELOCITY and along == component:
+        if aid == _GNSS_VELOCITY:
             return 1.0
     return 0.0
 
@@ -204,7 +245,7 @@ def take(
 ) -> None:
     """Follow a measurement: its row and gain are those in the estimator's scratch.
 
-    What refused heights of the altimeter say is kept apart, as it may turn out to be void.
+    What refused ones say is kept apart, as it may turn out to be void.
     """
     integrity, estimator = state.integrity, state.estimator
     row, gain, n = estimator.row, estimator.gain, int(estimator.states)
@@ -212,7 +253,8 @@ def take(
     integrity.agreement += (square - integrity.agreement) / _RECENT
     if aid == _GNSS_POSITION:
         integrity.refused[component] = 0.0 if is_used else abs(innovation)
-    apart = aid == _ALTIMETER and not is_used
+    channel = channel_of(aid, component)
+    apart = channel >= 0 and not is_used
     for k in range(FAULT_CAPACITY):
         fault = integrity.faults[k]
         if not fault.present:
@@ -223,9 +265,11 @@ def take(
             for i in range(n):
                 if row[i] != 0.0:
                     shift += row[i] * effect.state[i]
+            if _is_to_explain(channel_at_fault(k), channel):
+                _explain(effect, shift, innovation, expected)
             if apart:
-                effect.refused_information += shift * shift / expected
-                effect.refused_correlation += shift * innovation / expected
+                effect.refused_information[channel] += shift * shift / expected
+                effect.refused_correlation[channel] += shift * innovation / expected
                 continue
             effect.information += shift * shift / expected
             effect.correlation += shift * innovation / expected
@@ -236,13 +280,18 @@ def take(
 
 
 @compiled
-def forget_refused(integrity: Integrity) -> None:
-    """Forget what refused heights of the altimeter have said: it was the altimeter that erred."""
-    for k in range(FAULT_CAPACITY):
-        for age in range(AGES):
-            effect = integrity.faults[k].effects[age]
-            effect.refused_information = 0.0
-            effect.refused_correlation = 0.0
-        suspect = integrity.faults[k].effects[SUSPECT]
-        if _shown(suspect) < _KEPT_FROM:  # it was kept for what is void now
-            _keep(suspect, integrity.faults[k].effects[SINCE_BEGIN])
+def _is_to_explain(at_fault: int, channel: int) -> bool:
+    """Return whether a device's fault ought to: not what its other channels measure."""
+    another = channel != at_fault and device_of(channel) == device_of(at_fault)
+    return at_fault >= 0 and not another
+
+
+@compiled
+def _explain(effect: Effect, shift: float, innovation: float, expected: float) -> None:
+    """Follow how much of the innovations the fault leaves, with the size it had before this one."""
+    information, correlation = evidence(effect)
+    rest = innovation
+    if information > 0.0:
+        rest -= shift * correlation / information
+    square = min(rest * rest / expected, _REFUSED_MOST)
+    effect.left += (square - effect.left) / _RECENT

@@ -8,8 +8,9 @@ against the altimeter, and its bias is learned anew. Groves (2nd ed., 2013), sec
 from __future__ import annotations
 
 from rrins.compiled.compilation import compiled
-from rrins.firmware_py.core.estimator import fault_effects
+from rrins.firmware_py.core.estimator import refusals
 from rrins.firmware_py.core.records.estimator_records import Aid
+from rrins.firmware_py.core.records.integrity_records import ALTIMETER
 from rrins.firmware_py.core.records.memory import Ram
 
 PATIENCE = 30
@@ -37,4 +38,4 @@ def refuse(state: Ram, innovation: float) -> None:
     at = estimator.altimeter_state
     estimator.P[at, at] += innovation * innovation
     estimator.heights_refused = 0
-    fault_effects.forget_refused(state.integrity)
+    refusals.forget(state.integrity, ALTIMETER)

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 
 from rrins.compiled.compilation import compiled
-from rrins.firmware_py.core.estimator import agreement, doubt
+from rrins.firmware_py.core.estimator import agreement, doubt, refusals
 from rrins.firmware_py.core.records.estimator_records import (
     BIASES,
     NO_TRUST,
@@ -59,6 +59,7 @@ def follow(state: Ram) -> None:
         estimator.locked_s += 1
     if estimator.locked_s >= PATIENCE_S and excess > 1.0:
         _open(state, math.sqrt(excess))
+        refusals.believe_all(state.integrity)
         estimator.locked_s = 0
         agreement.begin(estimator)
         estimator.reopened = True

@@ -20,6 +20,7 @@ from rrins.firmware_py.core.estimator import (
     heights,
     lockout,
     receiver,
+    refusals,
     standstill,
     wheels,
 )
@@ -230,7 +231,8 @@ def _judge(state: Ram, aid: int, component: int, innovation: float, sigma: float
     square = innovation * innovation / expected
     estimator.normalised = innovation / math.sqrt(expected)
     refused = estimator.receiver_doubted and aid in (_GNSS_POSITION, _GNSS_VELOCITY)
-    if refused or not square <= estimator.gate * estimator.gate:
+    beyond = not square <= estimator.gate * estimator.gate
+    if refused or beyond:
         source.rejected += 1
         source.rejected_in_a_row += 1
         source.distrust = min(MOST_DISTRUST, source.distrust + 3)
@@ -238,15 +240,20 @@ def _judge(state: Ram, aid: int, component: int, innovation: float, sigma: float
         estimator.excess = max(estimator.excess, innovation * innovation / known)
         if source.distrust < NO_TRUST or not doubt.explains(estimator, state.epoch):
             if state.integrity.enabled:
+                if beyond:
+                    refusals.refuse(state.integrity, aid, component)
                 fault_effects.take(state, aid, component, innovation, expected, False)
             if aid == _ALTIMETER:
                 heights.refuse(state, innovation)
             return False
         expected = lockout.open_along(estimator, innovation, expected)
         square = 1.0
+        if state.integrity.enabled:
+            refusals.believe_all(state.integrity)
     if aid != _ALTIMETER or not doubt.take_height(estimator, innovation, expected):
         covariance.update(x, P, n, estimator.gain, innovation, expected)
     if state.integrity.enabled:
+        refusals.use(state.integrity, aid, component, square)
         fault_effects.take(state, aid, component, innovation, expected, True)
     if aid != _ALTIMETER:
         estimator.aided_epoch = state.epoch

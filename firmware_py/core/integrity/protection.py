@@ -18,6 +18,8 @@ from rrins.compiled.compilation import compiled, compiled_with
 from rrins.compiled.record import Floats
 from rrins.dbc.contract import SENSOR_GROUPS
 from rrins.firmware_py.core.estimator.fault_effects import FIRST_AID, FIRST_SHIFT
+from rrins.firmware_py.core.estimator.refusals import is_quiet
+from rrins.firmware_py.core.integrity.weights import AGREES_BELOW, believed, odds_of, rivals, weigh
 from rrins.firmware_py.core.maths import earth
 from rrins.firmware_py.core.records.estimator_records import (
     AIDS,
@@ -31,6 +33,7 @@ from rrins.firmware_py.core.records.integrity_records import (
     AGES,
     AT_BEGIN,
     BOUNDS,
+    DEVICES,
     HEADING,
     HORIZONTAL,
     SINCE_BEGIN,
@@ -44,14 +47,8 @@ from rrins.firmware_py.core.redundancy import windows
 from rrins.firmware_py.core.redundancy.alike import largest
 from rrins.firmware_py.core.redundancy.parity import CHECKED_FROM
 
-LONGEST_S = 24 * 3600.0
-"""For which a fault may have lasted unseen."""
-
 SHOWS_FROM = 6.0
 """Standard deviations of the size of a fault from which on it is suspected."""
-
-_AGREES_BELOW = 2.5
-"""Mean square of the normalised innovations; of 64 independent ones 6 sigma are 2.1."""
 
 _SPAN = 3
 """Sensors that span space: more are redundant."""
@@ -152,8 +149,7 @@ def _cover(state: Ram, number: int, parity: Parity, by_parity: bool, alarm: bool
     In an alarm of its kind it is as likely as not, and what it can do is added to `sums`.
     """
     integrity, shows = state.integrity, False
-    fault = integrity.faults[number]
-    lately = 2.0 * math.log(min(1.0, max(1, integrity.seconds) / LONGEST_S))
+    fault, less = integrity.faults[number], rivals(integrity, number)
     for bound in range(BOUNDS):
         most, sigma = 0.0, integrity.sigmas[bound]
         for age in range(AGES + 1 if by_parity and fault.sensor >= 0 else AGES):
@@ -162,11 +158,8 @@ def _cover(state: Ram, number: int, parity: Parity, by_parity: bool, alarm: bool
             size = _size(state, effect.state, bound)
             if seconds == 0 or size == 0.0:
                 continue
-            odds = fault.odds[age]
-            if age == SINCE_BEGIN:
-                odds += lately
-            information = effect.information + effect.refused_information
-            correlation = effect.correlation + effect.refused_correlation
+            odds = odds_of(integrity, fault, age) - less
+            information, correlation = believed(integrity, effect, number)
             if by_parity:
                 if age == AT_BEGIN:
                     more, along = _from_constant(parity, int(fault.sensor))
@@ -236,13 +229,14 @@ def _know_nothing(integrity: Integrity) -> None:
 def _assess(state: Ram) -> None:
     """Find the bounds at the end of a second, and what they are worth."""
     integrity, estimator = state.integrity, state.estimator
-    spread = math.sqrt(integrity.agreement) if integrity.agreement > _AGREES_BELOW else 1.0
+    spread = math.sqrt(integrity.agreement) if integrity.agreement > AGREES_BELOW else 1.0
     for bound in range(BOUNDS):
         integrity.sigmas[bound] = spread * _sigma(state, bound)
         integrity.protection[bound] = integrity.faultless * integrity.sigmas[bound]
         integrity.limit[bound] = -1
     integrity.suspected = spread > 1.0
     integrity.unmonitored = False
+    weigh(state)
     _cover_sensors(state)
     for k in range(FIRST_AID, FIRST_SHIFT):
         if integrity.faults[k].present:
@@ -292,6 +286,9 @@ def _cover_refused(state: Ram) -> None:
     integrity.refusing = estimator.receiver_doubted
     for aid in range(AIDS):
         if estimator.sources[aid].rejected_in_a_row > 0:
+            integrity.refusing = True
+    for device in range(DEVICES):
+        if not is_quiet(integrity, device):
             integrity.refusing = True
     noise = integrity.faultless * estimator.fix_sigma[0]
     level = math.hypot(integrity.refused[0], integrity.refused[1])

@@ -9,7 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from rrins.dbc.contract import SENSOR_GROUPS
 from rrins.firmware_py.core.estimator.fault_effects import FIRST_AID
-from rrins.firmware_py.core.integrity.protection import LONGEST_S
+from rrins.firmware_py.core.integrity.weights import LONGEST_S
 from rrins.firmware_py.core.records.integrity_records import (
     ACCELEROMETERS_SHIFT,
     AGES,
@@ -127,6 +127,7 @@ def set_up(state: Ram, settings: IntegritySettings) -> None:
         shift = integrity.faults[FIRST_AID + GYROS_SHIFT + kind]
         shift.known = (_COMMON_SHIFT * bias_sigma) ** -2
     share = (1.0 - _FAULTLESS_SHARE) * risk / max(1, AGES * len(present))
+    integrity.certain = 2.0 * math.log(1.0 / share)
     for number in range(FAULT_CAPACITY):
         sensor, rate = present.get(number, (-1, 0.0))
         _set_fault(integrity.faults[number], sensor, number in present, rate, share)

@@ -7,7 +7,12 @@ from typing import Annotated
 
 from rrins.compiled.record import F8, I8, Bool, Floats, Integers, Record, Records
 from rrins.dbc.contract import SENSOR_GROUPS
-from rrins.firmware_py.core.records.estimator_records import BIASES, COMPONENTS, STATE_CAPACITY
+from rrins.firmware_py.core.records.estimator_records import (
+    AIDS,
+    BIASES,
+    COMPONENTS,
+    STATE_CAPACITY,
+)
 
 RUNGS = 11
 AGES = RUNGS + 2
@@ -30,6 +35,13 @@ GYROS_SHIFT, ACCELEROMETERS_SHIFT = 10, 11
 
 FAULT_CAPACITY = 2 * SENSOR_GROUPS + OTHER_FAULTS
 
+RECEIVER, ODOMETER, ALTIMETER = 0, 1, 2
+"""Devices that aid, whose refused measurements count apart."""
+
+DEVICES = 3
+CHANNELS = DEVICES + COMPONENTS - 1
+"""Latitude, longitude and height of the receiver, with their velocities; odometer; altimeter."""
+
 HORIZONTAL, VERTICAL, HEADING = 0, 1, 2
 """Bounds: m, m, rad."""
 
@@ -50,10 +62,11 @@ class Effect(Record):
 
     state: Annotated[Floats, STATE_CAPACITY]
     begun_s: I8  #: second of the filter in which the fault began
-    information: F8  #: of the innovations about the fault's size
-    correlation: F8  #: of the innovations with what the fault would make of them
-    refused_information: F8  #: of heights of the altimeter that are refused, apart from it
-    refused_correlation: F8  #: of these
+    information: F8  #: of the innovations within the gate about the fault's size
+    correlation: F8  #: of these with what the fault would make of them
+    refused_information: Annotated[Floats, CHANNELS]  #: of those refused, apart from it
+    refused_correlation: Annotated[Floats, CHANNELS]  #: of these
+    left: F8  #: of an aid's fault: mean square of the innovations that it does not explain, of late
 
 
 class Fault(Record):
@@ -72,6 +85,7 @@ class Integrity(Record):
     enabled: Bool
     alert: Annotated[Floats, BOUNDS]  #: m, m, rad: beyond, the navigation is of no use
     faultless: F8  #: standard deviations of the error without a fault
+    certain: F8  #: `Fault.odds` of what is there for certain
     faults: Annotated[Records[Fault], FAULT_CAPACITY]
     driven: Annotated[Floats, (2, BIASES)]  #: by a scale of 1 of all of a kind, in this second
     seconds: I8  #: since the filter began
@@ -79,6 +93,10 @@ class Integrity(Record):
     compared: Annotated[Integers, 2]  #: by kind: seconds that the parity had taken a second ago
     idle_s: Annotated[Integers, 2]  #: by kind: seconds in which the parity took none
     refused: Annotated[Floats, COMPONENTS]  #: m: the last fix beyond the gate, its noise included
+    owed: Annotated[Integers, (AIDS, COMPONENTS)]  #: that have to agree, since one was refused
+    outweighed: Annotated[Integers, DEVICES]  #: 1: refused for its own fault, whatever else fails
+    explained: Annotated[Integers, DEVICES]  #: `outweighed` when it was last beyond the gate
+    excess: Annotated[Floats, CHANNELS]  #: 2 ln of how far beyond the risk a device's fault is
     agreement: F8  #: mean square of the normalised innovations, of late
     protection: Annotated[Floats, BOUNDS]  #: m, m, rad; infinite where there is no bound
     limit: Annotated[Integers, BOUNDS]  #: number of the fault that sets each bound; -1: none does

@@ -29,7 +29,7 @@ from rrins.host_tools.scenario.tables import Integrity
 
 ON = {"enabled": True}
 AT_S = 303.0
-AVAILABLE = IntegrityStatus.AVAILABLE
+AVAILABLE, DEGRADED = IntegrityStatus.AVAILABLE, IntegrityStatus.DEGRADED
 
 
 def followed(scenario="drive_aided", **changes):
@@ -102,6 +102,43 @@ def test_an_altimeter_that_jumps_beside_a_receiver_is_learned_anew(jump_m):
     learned = after["altimeter_bias"][-1] - before["altimeter_bias"]
     assert learned == pytest.approx(jump_m, abs=1)
     assert errors[:, VERTICAL].max() < 1
+
+
+PASSES = {
+    "receiver jumps": {"kind": "gnss_jump", "jump_m": 20},
+    "receiver is led away": {"kind": "gnss_pull", "pull_mps": 0.5},
+    "wheel slips": {"kind": "odometer_slip", "slip_percent": 5},
+}
+LASTS_S, FORGOTTEN_AFTER_S = 30, 25
+
+
+@pytest.mark.parametrize("name", PASSES)
+def test_a_fault_of_an_aid_that_passes_leaves_no_trace(name):
+    """It degrades while it lasts: odometer and receiver tell which of the two it is."""
+    fault = {"at_s": AT_S, "for_s": LASTS_S} | PASSES[name]
+    _, seconds, errors = followed(duration_s=500, faults=[fault])
+    assert (errors < seconds["protection"]).all()
+    begun, ended = round(AT_S), round(AT_S) + LASTS_S
+    assert (seconds["integrity"][begun + 2 : begun + 14] > AVAILABLE).all()
+    assert (seconds["integrity"][begun + 10 : begun + 14] == DEGRADED).all()
+    after = seconds[ended + FORGOTTEN_AFTER_S :]
+    assert (after["integrity"] == AVAILABLE).all()
+    assert (after["protection"][-1] < 2 * seconds["protection"][begun - 2]).all()
+
+
+@pytest.mark.parametrize("odometer", [True, False])
+def test_a_receiver_that_has_jumped_for_good_bounds_the_error_by_its_distance(odometer):
+    """Its fixes may be right; of the sensors they say nothing more."""
+    changes = {} if odometer else {"odometer": None}
+    jump = {"at_s": AT_S, "kind": "gnss_jump", "jump_m": 100}
+    _, seconds, errors = followed(duration_s=500, faults=[jump], **changes)
+    assert (errors < seconds["protection"]).all()
+    assert errors[:, HORIZONTAL].max() < 1
+    last = seconds[round(AT_S) + 60 :]
+    assert (last["integrity"] == DEGRADED).all()
+    level = last["protection"][:, HORIZONTAL]
+    assert ((level > 100) & (level < 115)).all()
+    assert last["protection"][:, VERTICAL].max() < 3
 
 
 def test_a_drift_that_is_followed_is_suspected_before_it_is_ten_metres():
