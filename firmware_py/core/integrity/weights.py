@@ -36,6 +36,9 @@ LONGEST_S = 24 * 3600.0
 AGREES_BELOW = 2.5
 """Mean square of the normalised innovations; of 64 independent ones 6 sigma are 2.1."""
 
+PASSED = 2
+"""`Integrity.outweighed` of a device that agrees again, but not yet often enough."""
+
 
 @compiled
 def rivals(integrity: Integrity, number: int) -> float:
@@ -61,7 +64,8 @@ def believed(integrity: Integrity, effect: Effect, number: int) -> tuple[float, 
     information, correlation = float(effect.information), float(effect.correlation)
     own = channel_at_fault(number)
     for channel in range(CHANNELS):
-        if channel == own or not integrity.outweighed[device_of(channel)]:
+        outweighed = integrity.outweighed[device_of(channel)]
+        if outweighed == 0 or (channel == own and outweighed != PASSED):
             information += effect.refused_information[channel]
             correlation += effect.refused_correlation[channel]
     return information, correlation
@@ -128,7 +132,10 @@ def weigh(state: Ram) -> None:
     if asked != 0:
         _weigh_devices(integrity)
     for device in range(DEVICES):
-        outweighed = asked >> device & 1 != 0 and _outweighs(integrity, device)
-        integrity.outweighed[device] = int(outweighed)
+        integrity.outweighed[device] = 0
+        if asked >> device & 1 and integrity.explained[device] == 1:
+            integrity.outweighed[device] = PASSED
+        elif asked >> device & 1:
+            integrity.outweighed[device] = int(_outweighs(integrity, device))
         if integrity.explained[device] == refusals.ASKED:
-            integrity.explained[device] = int(outweighed)
+            integrity.explained[device] = integrity.outweighed[device]

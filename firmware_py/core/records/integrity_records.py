@@ -94,7 +94,7 @@ class Integrity(Record):
     idle_s: Annotated[Integers, 2]  #: by kind: seconds in which the parity took none
     refused: Annotated[Floats, COMPONENTS]  #: m: the last fix beyond the gate, its noise included
     owed: Annotated[Integers, (AIDS, COMPONENTS)]  #: that have to agree, since one was refused
-    outweighed: Annotated[Integers, DEVICES]  #: 1: refused for its own fault, whatever else fails
+    outweighed: Annotated[Integers, DEVICES]  #: 1: refused for its own fault; `weights.PASSED`
     explained: Annotated[Integers, DEVICES]  #: `outweighed` when it was last beyond the gate
     excess: Annotated[Floats, CHANNELS]  #: 2 ln of how far beyond the risk a device's fault is
     agreement: F8  #: mean square of the normalised innovations, of late
