@@ -34,7 +34,6 @@ from rrins.firmware_py.core.records.integrity_records import (
     CHANNELS,
     FAULT_CAPACITY,
     GNSS_DRIFT,
-    GNSS_STEP,
     GYROS_SHIFT,
     ODOMETER_FAULT,
     OTHER_FAULTS,
@@ -226,17 +225,12 @@ def _carry(state: Ram, effect: Effect) -> None:
 @compiled
 def _offset(integrity: Integrity, effect: Effect, k: int, aid: int, component: int) -> float:
     """Return by how much a fault of size 1 of an aid moves this measurement."""
-    fault = k - FIRST_AID
-    if fault == GNSS_STEP + component and aid == _GNSS_POSITION:
-        return 1.0
-    if GNSS_DRIFT <= fault < GNSS_DRIFT + COMPONENTS:
-        if channel_of(aid, component) != channel_at_fault(k):
-            return 0.0
-        if aid == _GNSS_POSITION:
-            return float(integrity.seconds - effect.begun_s)
-        if aid == _GNSS_VELOCITY:
-            return 1.0
-    return 0.0
+    is_fix = aid in (_GNSS_POSITION, _GNSS_VELOCITY)
+    if not is_fix or channel_of(aid, component) != channel_at_fault(k):
+        return 0.0
+    if k < FIRST_AID + GNSS_DRIFT:
+        return 1.0 if aid == _GNSS_POSITION else 0.0
+    return float(integrity.seconds - effect.begun_s) if aid == _GNSS_POSITION else 1.0
 
 
 @compiled
