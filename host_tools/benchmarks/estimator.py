@@ -41,15 +41,18 @@ class Case:
     """A set-up of the firmware whose step is measured."""
 
     name: str
-    estimates: bool
-    compares: bool
-    fails: bool
+    label: str
+    estimates: bool = True
+    compares: bool = False
+    fails: bool = False
+    bounds: bool = False
 
 
 CASES = (
-    Case("plain", estimates=False, compares=False, fails=False),
-    Case("filter", estimates=True, compares=False, fails=False),
-    Case("filter_bank_faults", estimates=True, compares=True, fails=True),
+    Case("plain", "step at 400 Hz, no filter", estimates=False),
+    Case("filter", "with the filter"),
+    Case("filter_bank_faults", "with filter, bank and a fault", compares=True, fails=True),
+    Case("integrity", "the same, with bounds", compares=True, fails=True, bounds=True),
 )
 
 
@@ -61,6 +64,7 @@ def scenario_of(case: Case, duration_s: float) -> Scenario:
         duration_s=duration_s,
         rate_hz=RATE_HZ,
         faults=[fault] if case.fails else [],
+        integrity={"enabled": case.bounds},
     ).varied(estimator__enabled=case.estimates, redundancy__enabled=case.compares)
 
 

@@ -308,13 +308,9 @@ def _costs(result: Result) -> Iterator[tuple[str, float | None, int, str]]:
     for side in ("firmware", "hardware"):
         step = result[f"{side}_step_us"]
         yield f"{side}'s step, per call", step["median"], 2, f"p99 {step['p99']:.2f}"
-    for label, name in (
-        ("step at 400 Hz, no filter", "plain"),
-        ("with the filter", "filter"),
-        ("with filter, bank and a fault", "filter_bank_faults"),
-    ):
-        step = result["estimator_step_us"][name]
-        yield label, step["median"], 2, f"p99 {step['p99']:.2f}, {step['overruns']} overruns"
+    for case in estimator.CASES:
+        step = result["estimator_step_us"][case.name]
+        yield case.label, step["median"], 2, f"p99 {step['p99']:.2f}, {step['overruns']} overruns"
     ratio = result["pyins_over_step"]
     note = result["pyins_filter_reason"] or f"{ratio:.0f} × the step with the filter"
     yield "pyins' filter, per epoch", result["pyins_filter_us"], 0, note

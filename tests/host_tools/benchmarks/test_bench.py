@@ -46,7 +46,8 @@ def assert_costs(result):
     for codec in ("codec", "cantools"):
         costs += [result[f"{codec}_us_per_frame"][way] for way in ("decode", "encode")]
     assert min(costs) > 0
-    cases = [result["estimator_step_us"][one] for one in ("plain", "filter", "filter_bank_faults")]
+    names = ("plain", "filter", "filter_bank_faults", "integrity")
+    cases = [result["estimator_step_us"][name] for name in names]
     for step in (result["firmware_step_us"], result["hardware_step_us"], *cases):
         assert 0 < step["median"] <= step["p99"] <= step.get("max", np.inf)
     assert (result["pyins_filter_us"] is None) == isinstance(result["pyins_filter_reason"], str)
