@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 
 from rrins.compiled.compilation import compiled
-from rrins.firmware_py.core.estimator import refusals
+from rrins.firmware_py.core.estimator import doubt, refusals
 from rrins.firmware_py.core.estimator.fault_effects import (
     channel_at_fault,
     channel_of,
@@ -122,11 +122,14 @@ def _outweighs(integrity: Integrity, device: int) -> bool:
 
 @compiled
 def weigh(state: Ram) -> None:
-    """Find which devices fail for certain. While the parity alarms, any sensor may."""
+    """Find which devices fail for certain: not while a sensor may, or has lately.
+
+    What a sensor's fault has left of the navigation may look like a device's.
+    """
     integrity, redundancy = state.integrity, state.redundancy
     integrity.excess[:] = 0.0
-    asked = 0
-    if not (redundancy.gyros.alarm or redundancy.accelerometers.alarm):
+    asked, alarm = 0, redundancy.gyros.alarm or redundancy.accelerometers.alarm
+    if not (alarm or doubt.explains(state.estimator, state.epoch)):
         for device in range(DEVICES):
             asked |= int(not refusals.is_quiet(integrity, device)) << device
     if asked != 0:

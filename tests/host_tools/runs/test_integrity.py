@@ -126,6 +126,13 @@ def test_a_fault_of_an_aid_that_passes_leaves_no_trace(name):
     assert (after["protection"][-1] < 2 * seconds["protection"][begun - 2]).all()
 
 
+def test_what_a_sensor_has_left_of_the_velocity_is_not_taken_for_a_fault_of_the_receiver():
+    """The navigation falls by 2 m/s when a sensor that was off by 0.3 g is left out."""
+    fault = {"at_s": 200.0, "kind": "accelerometer_bias", "sensor": 1, "bias_ug": 3e5}
+    _, seconds, errors = followed(duration_s=230, faults=[fault])
+    assert (errors < seconds["protection"]).all()
+
+
 @pytest.mark.parametrize("odometer", [True, False])
 def test_a_receiver_that_has_jumped_for_good_bounds_the_error_by_its_distance(odometer):
     """Its fixes may be right; of the sensors they say nothing more."""
