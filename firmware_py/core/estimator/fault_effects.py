@@ -70,8 +70,7 @@ def begin(state: Ram) -> None:
     integrity.agreement = 1.0
     integrity.refused[:] = 0.0
     integrity.owed[:] = 0
-    integrity.outweighed[:] = 0
-    integrity.explained[:] = 0
+    integrity.verdicts[:] = 0
     for k in range(FAULT_CAPACITY):
         for age in range(AGES):
             _restart(state, integrity.faults[k], k, age)
@@ -253,13 +252,14 @@ def take(
         fault = integrity.faults[k]
         if not fault.present:
             continue
+        explains = _is_to_explain(channel_at_fault(k), channel)
         for age in range(AGES):
             effect = fault.effects[age]
             shift = _offset(integrity, effect, k, aid, component)
             for i in range(n):
                 if row[i] != 0.0:
                     shift += row[i] * effect.state[i]
-            if _is_to_explain(channel_at_fault(k), channel):
+            if explains:
                 _explain(effect, shift, innovation, expected)
             if apart:
                 effect.refused_information[channel] += shift * shift / expected

@@ -242,6 +242,8 @@ def _judge(state: Ram, aid: int, component: int, innovation: float, sigma: float
             if state.integrity.enabled:
                 if beyond:
                     refusals.refuse(state.integrity, aid, component)
+                else:
+                    refusals.agree(state.integrity, aid, component)
                 fault_effects.take(state, aid, component, innovation, expected, False)
             if aid == _ALTIMETER:
                 heights.refuse(state, innovation)

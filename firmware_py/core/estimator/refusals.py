@@ -25,17 +25,18 @@ from rrins.firmware_py.core.records.integrity_records import (
     SUSPECT,
     Effect,
     Integrity,
+    Verdict,
 )
 
 AGREES_AFTER = 10
 """Measurements within the gate, of each component that was refused."""
 
-ASKED = 2
-"""`Integrity.explained` until the second's end."""
-
 _AT_ONCE = 9.0
 """Square of the first normalised innovation within the gate, at most: an error of the navigation
 comes back through the gate's edge."""
+
+_NONE, _ASKED = int(Verdict.NONE), int(Verdict.ASKED)
+_OWN_FAULT, _PASSED = int(Verdict.OWN_FAULT), int(Verdict.PASSED)
 
 
 @compiled
@@ -44,7 +45,16 @@ def refuse(integrity: Integrity, aid: int, component: int) -> None:
     device = device_of(channel_of(aid, component))
     if device >= 0:
         integrity.owed[aid, component] = AGREES_AFTER
-        integrity.explained[device] = ASKED
+        integrity.verdicts[device] = _ASKED
+
+
+@compiled
+def agree(integrity: Integrity, aid: int, component: int) -> None:
+    """Note a measurement within the gate, of a device that may still be doubted."""
+    device = device_of(channel_of(aid, component))
+    owes = device >= 0 and integrity.owed[aid, component] > 0
+    if owes and integrity.verdicts[device] == _OWN_FAULT:
+        integrity.verdicts[device] = _PASSED
 
 
 @compiled
@@ -56,28 +66,28 @@ def use(integrity: Integrity, aid: int, component: int, square: float) -> None:
     if integrity.owed[aid, component] == AGREES_AFTER and square > _AT_ONCE:
         believe(integrity, device)
         return
+    agree(integrity, aid, component)
     integrity.owed[aid, component] -= 1
-    if is_quiet(integrity, device):
-        if integrity.explained[device] == 1:
+    if not _is_owed(integrity, device):
+        if integrity.verdicts[device] == _PASSED:
             forget(integrity, device)
         else:
             believe(integrity, device)
 
 
 @compiled
-def is_quiet(integrity: Integrity, device: int) -> bool:
-    """Return whether nothing of a device is refused, or was of late."""
+def _is_owed(integrity: Integrity, device: int) -> bool:
     for aid in range(AIDS):
         for component in range(COMPONENTS):
             is_its_own = device_of(channel_of(aid, component)) == device
             if is_its_own and integrity.owed[aid, component] > 0:
-                return False
-    return True
+                return True
+    return False
 
 
 @compiled
 def _settle(integrity: Integrity, device: int) -> None:
-    integrity.explained[device] = 0
+    integrity.verdicts[device] = _NONE
     for aid in range(AIDS):
         for component in range(COMPONENTS):
             if device_of(channel_of(aid, component)) == device:

@@ -18,7 +18,6 @@ from rrins.compiled.compilation import compiled, compiled_with
 from rrins.compiled.record import Floats
 from rrins.dbc.contract import SENSOR_GROUPS
 from rrins.firmware_py.core.estimator.fault_effects import FIRST_AID, FIRST_SHIFT
-from rrins.firmware_py.core.estimator.refusals import is_quiet
 from rrins.firmware_py.core.integrity.weights import AGREES_BELOW, believed, odds_of, rivals, weigh
 from rrins.firmware_py.core.maths import earth
 from rrins.firmware_py.core.records.estimator_records import (
@@ -33,7 +32,6 @@ from rrins.firmware_py.core.records.integrity_records import (
     AGES,
     AT_BEGIN,
     BOUNDS,
-    DEVICES,
     HEADING,
     HORIZONTAL,
     SINCE_BEGIN,
@@ -287,9 +285,8 @@ def _cover_refused(state: Ram) -> None:
     for aid in range(AIDS):
         if estimator.sources[aid].rejected_in_a_row > 0:
             integrity.refusing = True
-    for device in range(DEVICES):
-        if not is_quiet(integrity, device):
-            integrity.refusing = True
+    if integrity.verdicts.any():
+        integrity.refusing = True
     noise = integrity.faultless * estimator.fix_sigma[0]
     level = math.hypot(integrity.refused[0], integrity.refused[1])
     for bound in range(HEADING):

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 
 from rrins.compiled.compilation import compiled
-from rrins.firmware_py.core.estimator import doubt, refusals
+from rrins.firmware_py.core.estimator import doubt
 from rrins.firmware_py.core.estimator.fault_effects import (
     channel_at_fault,
     channel_of,
@@ -27,6 +27,7 @@ from rrins.firmware_py.core.records.integrity_records import (
     Effect,
     Fault,
     Integrity,
+    Verdict,
 )
 from rrins.firmware_py.core.records.memory import Ram
 
@@ -36,15 +37,15 @@ LONGEST_S = 24 * 3600.0
 AGREES_BELOW = 2.5
 """Mean square of the normalised innovations; of 64 independent ones 6 sigma are 2.1."""
 
-PASSED = 2
-"""`Integrity.outweighed` of a device that agrees again, but not yet often enough."""
+_NONE, _ASKED, _OPEN = int(Verdict.NONE), int(Verdict.ASKED), int(Verdict.OPEN)
+_OWN_FAULT, _PASSED = int(Verdict.OWN_FAULT), int(Verdict.PASSED)
 
 
 @compiled
 def rivals(integrity: Integrity, number: int) -> float:
     """Return 2 ln of how much likelier another fault of the channel is, where that is certain."""
     channel = channel_at_fault(number)
-    if channel < 0 or not integrity.outweighed[device_of(channel)]:
+    if channel < 0 or integrity.verdicts[device_of(channel)] != _OWN_FAULT:
         return 0.0
     return float(integrity.excess[channel])
 
@@ -64,8 +65,8 @@ def believed(integrity: Integrity, effect: Effect, number: int) -> tuple[float, 
     information, correlation = float(effect.information), float(effect.correlation)
     own = channel_at_fault(number)
     for channel in range(CHANNELS):
-        outweighed = integrity.outweighed[device_of(channel)]
-        if outweighed == 0 or (channel == own and outweighed != PASSED):
+        verdict = integrity.verdicts[device_of(channel)]
+        if verdict <= _OPEN or (channel == own and verdict != _PASSED):
             information += effect.refused_information[channel]
             correlation += effect.refused_correlation[channel]
     return information, correlation
@@ -128,17 +129,14 @@ def weigh(state: Ram) -> None:
     """
     integrity, redundancy = state.integrity, state.redundancy
     integrity.excess[:] = 0.0
-    asked, alarm = 0, redundancy.gyros.alarm or redundancy.accelerometers.alarm
-    if not (alarm or doubt.explains(state.estimator, state.epoch)):
-        for device in range(DEVICES):
-            asked |= int(not refusals.is_quiet(integrity, device)) << device
-    if asked != 0:
-        _weigh_devices(integrity)
+    if not integrity.verdicts.any():
+        return
+    _weigh_devices(integrity)
+    alarm = redundancy.gyros.alarm or redundancy.accelerometers.alarm
+    in_doubt = alarm or doubt.explains(state.estimator, state.epoch)
     for device in range(DEVICES):
-        integrity.outweighed[device] = 0
-        if asked >> device & 1 and integrity.explained[device] == 1:
-            integrity.outweighed[device] = PASSED
-        elif asked >> device & 1:
-            integrity.outweighed[device] = int(_outweighs(integrity, device))
-        if integrity.explained[device] == refusals.ASKED:
-            integrity.explained[device] = integrity.outweighed[device]
+        verdict = integrity.verdicts[device]
+        if verdict == _ASKED and not in_doubt and _outweighs(integrity, device):
+            integrity.verdicts[device] = _OWN_FAULT
+        elif verdict == _ASKED or (verdict != _NONE and in_doubt):
+            integrity.verdicts[device] = _OPEN

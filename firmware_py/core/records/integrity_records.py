@@ -57,6 +57,16 @@ class IntegrityStatus(IntEnum):
     NOT_AVAILABLE = 3
 
 
+class Verdict(IntEnum):
+    """What is thought of a device since a measurement of it was refused."""
+
+    NONE = 0  # nothing is refused, nor was of late
+    ASKED = 1  # one was beyond the gate in this second
+    OPEN = 2  # it may be right
+    OWN_FAULT = 3  # the device fails, for certain
+    PASSED = 4  # it did, and agrees again, but not yet often enough
+
+
 class Effect(Record):
     """Effect of a fault of size 1 on the error that the filter leaves."""
 
@@ -94,8 +104,7 @@ class Integrity(Record):
     idle_s: Annotated[Integers, 2]  #: by kind: seconds in which the parity took none
     refused: Annotated[Floats, COMPONENTS]  #: m: the last fix beyond the gate, its noise included
     owed: Annotated[Integers, (AIDS, COMPONENTS)]  #: that have to agree, since one was refused
-    outweighed: Annotated[Integers, DEVICES]  #: 1: refused for its own fault; `weights.PASSED`
-    explained: Annotated[Integers, DEVICES]  #: `outweighed` when it was last beyond the gate
+    verdicts: Annotated[Integers, DEVICES]  #: a `Verdict` on what is owed
     excess: Annotated[Floats, CHANNELS]  #: 2 ln of how far beyond the risk a device's fault is
     agreement: F8  #: mean square of the normalised innovations, of late
     protection: Annotated[Floats, BOUNDS]  #: m, m, rad; infinite where there is no bound
