@@ -61,9 +61,7 @@ class Result:
     misleading: tuple[int, ...]  #: seconds available with the error beyond each of `BOUNDS`
     doubtful: tuple[int, ...]  #: the same while degraded
     excess: float  #: largest error over bound while trusted
-    level_over_sigma: tuple[
-        float, ...
-    ]  #: median of each bound over sigma while trusted; NaN for none
+    level_over_sigma: tuple[float, ...]  #: median of each bound's while trusted; NaN for none
     error_over_sigma: tuple[float, ...]  #: root mean square of each error over sigma; NaN for none
     to_alert_s: float  #: longest time trusted with an error beyond an alert limit
     sound_left_out: tuple[str, ...]
