@@ -58,7 +58,7 @@ class IntegrityStatus(IntEnum):
 
 
 class Verdict(IntEnum):
-    """What is thought of a device since a measurement of it was refused."""
+    """The verdict on a device since a measurement of it was refused."""
 
     NONE = 0  # nothing is refused, nor was of late
     ASKED = 1  # one was beyond the gate in this second
