@@ -5,6 +5,8 @@ from __future__ import annotations
 import functools
 import http.server
 import threading
+import time
+from contextlib import contextmanager
 from urllib.parse import urlsplit
 
 import numpy as np
@@ -20,7 +22,7 @@ from rrins.host_tools.hardware.loop import Hardware
 from rrins.host_tools.monitor.watch import Watch
 from rrins.host_tools.runs.exchange import answer_epoch
 from rrins.host_tools.runs.set_up.settings import firmware_settings, hardware_settings
-from rrins.host_tools.scenario.scenario import load
+from rrins.host_tools.scenario.scenario import load, text_of
 from tests.host_tools.dashboard.test_firefox import display, firefox, needs_firefox, until
 
 __all__ = ["display", "firefox"]  # fixtures
@@ -82,9 +84,9 @@ def page(path, tmp_path_factory):
     return write_static_page(tmp_path_factory.mktemp("page"), [str(path)])
 
 
-@pytest.fixture(scope="module")
-def url(page):
-    """Return the address of a plain web server that carries the folder."""
+@contextmanager
+def served(page):
+    """Yield the address of a plain web server that carries the folder."""
 
     class Silent(http.server.SimpleHTTPRequestHandler):
         def log_message(self, *words):
@@ -95,6 +97,20 @@ def url(page):
         threading.Thread(target=server.serve_forever, daemon=True).start()
         yield f"http://127.0.0.1:{server.server_address[1]}/"
         server.shutdown()
+
+
+@pytest.fixture(scope="module")
+def url(page):
+    with served(page) as address:
+        yield address
+
+
+@pytest.fixture(scope="module")
+def url_of_hours(tmp_path_factory):
+    path = tmp_path_factory.mktemp("scenario") / "hours.toml"
+    path.write_text(text_of("rimu_rotating").replace("duration_s = 6000", "duration_s = 36000"))
+    with served(write_static_page(tmp_path_factory.mktemp("hours"), [str(path)])) as address:
+        yield address
 
 
 @pytest.fixture(scope="module")
@@ -193,6 +209,35 @@ def test_options_of_a_server_are_refused(tmp_path):
     done = CliRunner().invoke(dashboard, ["--static", str(tmp_path), "--port", "1"])
     assert done.exit_code == 2
     assert "--port: not with --static" in done.output
+
+
+def first_plot_and_speed(value, begun_s):
+    """Return the seconds to the first plot, and then how many times real time a rehearsal runs."""
+    drawn = "document.body?.dataset.phase === 'running' && /[1-9]/.test(time.textContent)"
+    drawn += " && document.querySelectorAll('#plot-position canvas').length > 0"
+    until(lambda: value(drawn), pause_s=0.02)
+    first_s = time.monotonic() - begun_s
+    value("drive.querySelector('[aria-label=speed]').value = '0'")
+    value("drive.querySelector('[aria-label=speed]').dispatchEvent(new Event('change'))")
+    time.sleep(5)
+    return first_s, float(value("speed.textContent").removesuffix(" ×"))
+
+
+@pytest.mark.browser
+@pytest.mark.soak
+@pytest.mark.parametrize("browser", ["chromium", pytest.param("firefox", marks=needs_firefox)])
+def test_the_first_plot_is_there_soon_and_a_rehearsal_is_fast(browser, request, url_of_hours):
+    opener = request.getfixturevalue("open_page" if browser == "chromium" else "firefox")
+    begun_s = time.monotonic()
+    if browser == "chromium":
+        value = opener(url_of_hours).page.evaluate
+    else:
+        value = opener.value
+        opener.call("browsingContext.navigate", context=opener.page, url=url_of_hours, wait="none")
+    first_s, speed = first_plot_and_speed(value, begun_s)
+    print(f"{browser}: the first plot after {first_s:.1f} s, {speed:.0f} times real time")
+    assert first_s < 2
+    assert speed > 100
 
 
 @pytest.mark.browser
