@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Iterator, Sequence
+import time
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 from rich.cells import cell_len
 from rich.console import Console, ConsoleOptions, RenderResult
 from rich.measure import Measurement
-from rich.progress import Progress, ProgressColumn, Task
+from rich.progress import Progress, ProgressColumn, Task, TaskID
 from rich.progress_bar import ProgressBar
 from rich.table import Column, Table
 from rich.text import Text
@@ -17,6 +18,7 @@ from rich.text import Text
 _UNBOUNDED = 100_000
 _NARROWEST_BAR, _WIDEST_BAR = 6, 20
 _LEFT = " left"
+_SAID_EACH_S = 60.0
 
 
 def new_console(*, stderr: bool = False, highlight: bool = True) -> Console:
@@ -215,16 +217,34 @@ def _time_left(task: Task) -> str:
     return f"{f'{hours}:{minutes:02}' if hours else minutes}:{seconds:02}"
 
 
-def progress_line(console: Console, quiet: bool = False, refresh_hz: float = 10) -> Progress:
+class _Progress(Progress):
+    """A progress line; where there is no terminal, a line of text a minute."""
+
+    def __init__(self, console: Console, quiet: bool, **options: Any) -> None:
+        is_shown = console.is_terminal and not quiet
+        super().__init__(_Line(), console=console, transient=True, disable=not is_shown, **options)
+        self._says = not (quiet or is_shown)
+        self._said_s = self.get_time()
+
+    def update(self, task_id: TaskID, *values: Any, **fields: Any) -> None:
+        """Update a task; say how far it is, if that is due."""
+        super().update(task_id, *values, **fields)
+        task, now_s = self._tasks[task_id], self.get_time()
+        if self._says and task.started and task.total and now_s - self._said_s >= _SAID_EACH_S:
+            self._said_s = now_s
+            head = f"{task.description}: {task.percentage:.0f} %, {_time_left(task)} left"
+            print_line(self.console, "  ".join((head, *task.fields.get("state", ()))))
+
+
+def progress_line(
+    console: Console,
+    quiet: bool = False,
+    refresh_hz: float = 10,
+    get_time: Callable[[], float] = time.monotonic,
+) -> Progress:
     """Return a progress line with a bar and the time left, at any width of the terminal.
 
-    It shows nothing where there is no terminal. A task may have a field `state`: a sequence of
-    short texts, the most important first; those that fit follow the time left.
+    Where there is no terminal, it says a line each minute. A task may have a field `state`: a
+    sequence of short texts, the most important first; those that fit follow the time left.
     """
-    return Progress(
-        _Line(),
-        console=console,
-        transient=True,
-        refresh_per_second=refresh_hz,
-        disable=quiet or not console.is_terminal,
-    )
+    return _Progress(console, quiet, refresh_per_second=refresh_hz, get_time=get_time)

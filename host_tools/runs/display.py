@@ -47,7 +47,7 @@ class RunDisplay:
         self._compiling: dict[str, int] = {}
         self._where: dict[str, JsonObject] = {}  # by side, its latest report
         self._error_m: float | None = None
-        self._progress = progress_line(console, quiet)
+        self._progress = progress_line(console, quiet or not console.is_terminal)
         self._task = self._progress.add_task(
             "starting", total=scenario.epochs, state=(), start=False
         )

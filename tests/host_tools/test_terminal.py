@@ -13,7 +13,7 @@ from rich.table import Table
 from rrins.host_tools.cli.output import print_text
 from rrins.host_tools.runs.display import RunDisplay
 from rrins.host_tools.scenario.scenario import load
-from rrins.host_tools.terminal import print_line, print_table
+from rrins.host_tools.terminal import print_line, print_table, progress_line
 
 VALUES = (-8.2112e-05, 1234.5678, -1 / 3, 2e9, -7.5e-12, 0.25, -66.0)
 NUMBERS = [f"{value:.4e} µrad/s" for value in VALUES]
@@ -89,6 +89,19 @@ def test_progress_has_a_bar_the_mode_and_the_time_left_at_any_width(width):
     assert re.search(r" ((\d+:)?\d+:\d\d| -:--)" + (" left" if width > 40 else ""), last), last
     assert "…" not in last
     assert ("12 of 16" in last) == (width == 120)
+
+
+@pytest.mark.parametrize("quiet", [False, True])
+def test_a_long_task_says_each_minute_how_far_it_is_where_there_is_no_terminal(quiet):
+    now_s, shown = 0.0, io.StringIO()
+    console = Console(file=shown, width=80, force_terminal=False)
+    with progress_line(console, quiet, get_time=lambda: now_s) as progress:
+        task = progress.add_task("runs", total=300)
+        for done in range(1, 151):
+            now_s += 1.0
+            progress.update(task, completed=done, state=("3 failed",))
+    expected = ["runs: 20 %, 4:00 left  3 failed", "runs: 40 %, 3:00 left  3 failed"]
+    assert shown.getvalue().splitlines() == ([] if quiet else expected)
 
 
 def test_progress_elsewhere_is_a_line_now_and_then(capsys):
