@@ -105,7 +105,8 @@ def build(
         raise BuildError(f"{target} has no programs of its own: rrins dashboard --static")
     if fmus and target != fmu.TARGET:
         raise BuildError(f"FMUs are built for {fmu.TARGET} only")
-    if executable or fmus:
+    needs_zig = fmus or (executable and not toolchain.links_own_programs(TARGETS[target].system))
+    if needs_zig:
         toolchain.check()
     images = Images.of(scenario)
     make_folder(folder)

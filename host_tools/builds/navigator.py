@@ -1,7 +1,8 @@
 """The navigation computer as a program: the firmware's step within a shell in C.
 
 The shell for Linux is that of the example `examples/own_firmware`: embedded bus and SocketCAN,
-lockstep and real time. The program is static: it needs neither Python nor a library. For a
+lockstep and real time. The program is static: it needs neither Python nor a library. Linked by the
+compiler of the machine that it is for, it has the mathematics that Python uses there. For a
 microcontroller it is an image without an operating system, which QEMU runs.
 """
 
@@ -39,15 +40,15 @@ def link(folder: Path, target: Target, images: Images) -> Path:
     make_folder(sources)
     if target.has_linux:
         names, program = write_sources(sources, images), folder / "navigator"
-        words = list(STRICT)  # static by itself, where the C library is musl
+        words = list(STRICT)
     else:
         names, program = (f"{_BOARD}.c",), folder / "navigator.elf"
         script = f"{_BOARD}.ld"
         words = ["-static", f"-mcpu={_BOARD}", "-T", str(sources / script)]
         _copy((*names, script), sources)
     with replacing(program) as made:
-        toolchain.zig(
-            "cc", "-target", target.system, "-std=c11", "-O2", *words, "-I", folder, "-I", sources,
+        toolchain.link(
+            target.system, "-std=c11", "-O2", *words, "-I", folder, "-I", sources,
             *(sources / name for name in names),
             folder / "rrins_firmware.o", folder / "rrins_images.o", "-lm", "-o", made,
         )  # fmt: skip

@@ -27,6 +27,7 @@ from rrins.host_tools.runs.programs.program import (
     PROGRAM_GRACE_S,
     Program,
     ProgramProcess,
+    digest_said,
     end_error,
     last_words,
     misfit_error,
@@ -259,12 +260,16 @@ class Rehearsal:
             _ATTACH_WAIT_S,
             self.folder,
             (write_end,),
-            again=self._restarted + self._power_cycles > 0,
+            again=self._has_begun_again,
         )
         if not is_realtime and self.address.is_embedded:
             with contextlib.suppress(ProcessLookupError):  # it has ended, which will be noticed
                 os.sched_setaffinity(process.program_pid, {self._core})
         return process
+
+    @property
+    def _has_begun_again(self) -> bool:
+        return self._restarted + self._power_cycles > 0
 
     def _follow(self, on_report: OnReport, stop: threading.Event) -> None:
         """Hand on reports until both sides have closed their pipes, one has failed, or `stop`."""
@@ -379,6 +384,8 @@ class Rehearsal:
                     self._keep(report)
                     on_report(report)
             os.close(side.pipe)
+            if side.program is not None and side.summary and not self._has_begun_again:
+                side.summary["navigation_sha256"] = digest_said(self.folder)
         self._ended_ns = ended_ns
 
     def _note_of_recording(self) -> Note:

@@ -55,6 +55,7 @@ class Processor:
             features=self.features,
             opt=3,
             reloc="pic" if self.is_position_independent else "static",
+            codemodel="default",  # without it, one that C linkers have trouble with
         )
 
 

@@ -3,12 +3,30 @@
 #include <string.h>
 
 #include "diagnostics.h"
+#include "digest.h"
 #include "firmware.h"
 
 /* From rrins_images.o. */
 extern const char rrins_setup[];
 extern const int32_t rrins_setup_bytes;
 extern const struct rrins_frame rrins_hello;
+
+/* Of the navigation output of all epochs. */
+static struct sha256 navigated;
+static bool has_navigated;
+
+/* What a rehearsal compares with the run of another firmware: `navigation_sha256` of a summary. */
+static void tell_digest(void)
+{
+    uint8_t digest[SHA256_SIZE];
+    if (!has_navigated)
+        return;
+    sha256_end(&navigated, digest);
+    printf("navigation_sha256 ");
+    for (int k = 0; k < SHA256_SIZE; k++)
+        printf("%02x", digest[k]);
+    printf("\n");
+}
 
 bool setup_read(struct setup *setup, const char *path, char *reason, size_t size)
 {
@@ -44,6 +62,8 @@ void firmware_power_on(struct firmware *firmware, const struct setup *setup)
     memset(firmware, 0, sizeof *firmware);
     diagnostics_power_on(&firmware->ram);
     firmware->period_ns = setup->period_ns;
+    sha256_begin(&navigated);
+    atexit(tell_digest);
 }
 
 size_t firmware_step(struct firmware *firmware, const struct rrins_frame *inbox, size_t count,
@@ -60,6 +80,11 @@ size_t firmware_step(struct firmware *firmware, const struct rrins_frame *inbox,
     ram->faults.overruns = firmware->faults.overruns;
     ram->load_percent = firmware->load_percent;
     sent = rrins_firmware_step(ram, rrins_contract, inbox, (int32_t)count, outbox);
+    if (ram->modes.mode == RRINS_MODE_NAVIGATION_STRAPDOWN ||
+        ram->modes.mode == RRINS_MODE_NAVIGATION_ROTATING) {
+        sha256_add(&navigated, &ram->navigation, sizeof ram->navigation);
+        has_navigated = true;
+    }
     firmware->epoch = ram->epoch;
     firmware->clock.synchronised = ram->clock.synchronised;
     firmware->clock.lost = ram->clock.sync_lost;

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import re
 import shlex
 import shutil
 import signal
@@ -218,11 +219,21 @@ def said_path(folder: Path, side: Side = "firmware") -> Path:
 
 def last_words(folder: Path, side: Side = "firmware") -> str:
     """Return the last line that a program has printed; empty if there is none."""
+    lines = _said_last(folder, side).strip().splitlines()
+    return "".join(one for one in lines[-1] if one.isprintable()) if lines else ""
+
+
+def digest_said(folder: Path) -> str | None:
+    """Return the digest of its navigation that a firmware has printed last; None if it has not."""
+    said = re.findall(r"^navigation_sha256 ([0-9a-f]{64})$", _said_last(folder), re.MULTILINE)
+    return said[-1] if said else None
+
+
+def _said_last(folder: Path, side: Side = "firmware") -> str:
     path = said_path(folder, side)
     try:
         with path.open("rb") as file:
             file.seek(max(0, path.stat().st_size - SAID_BYTES))
-            lines = file.read().decode(errors="replace").strip().splitlines()
+            return file.read().decode(errors="replace")
     except OSError:
         return ""
-    return "".join(one for one in lines[-1] if one.isprintable()) if lines else ""

@@ -14,7 +14,8 @@ import numpy as np
 import pytest
 from fmpy.validation import validate_fmu
 
-from rrins.host_tools.builds import toolchain
+import rrins
+from rrins.host_tools.builds import navigator, toolchain
 from rrins.host_tools.builds.build import MANIFEST, Build, build
 from rrins.host_tools.builds.fmu import make_fmus
 from rrins.host_tools.builds.targets import TARGETS
@@ -77,6 +78,27 @@ def test_other_processors_send_the_same_frames_over_whole_scenarios(
     frames, differing = frames_that_differ(scenario, programs, scenario.epochs + 1)
     # All have one C library's mathematics, Python another's: a number may be rounded otherwise.
     assert differing <= 1e-5 * frames
+
+
+def has_the_digest_of_python(scenario: Scenario, built: Build) -> bool:
+    """Return whether the program of a build navigates to the bit as Python does."""
+    system = TARGETS[built.target].system
+    assert toolchain.links_own_programs(system), "needs gcc and the static C library"
+    program = navigator.link(built.folder, TARGETS[built.target], built.images)
+    done = rrins.rehearse(scenario, program=str(program))
+    digest = rrins.simulate(scenario).summary["navigation_sha256"]
+    return bool(done.summary["navigation_sha256"] == digest)
+
+
+def test_the_program_navigates_as_python_does_to_the_bit(built: Build) -> None:
+    assert has_the_digest_of_python(load("imu_rotating", duration_s=20.0), built)
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("name", _SCENARIOS)
+def test_the_program_navigates_so_through_whole_scenarios(name: str, tmp_path: Path) -> None:
+    scenario = load(name, **_SCENARIOS[name])
+    assert has_the_digest_of_python(scenario, build(scenario, name, "x86_64-linux", tmp_path))
 
 
 def test_the_memory_has_no_room_for_what_the_scenario_does_not_ask_for(built: Build) -> None:

@@ -1,6 +1,7 @@
 /* CRC-32 (ISO-HDLC), SHA-256 (FIPS 180-4) and its HMAC (RFC 2104). */
 #include <string.h>
 
+#include "digest.h"
 #include "uds.h"
 
 uint32_t crc32_of(const uint8_t *at, size_t size)
@@ -18,7 +19,7 @@ uint32_t crc32_of(const uint8_t *at, size_t size)
     return ~crc;
 }
 
-enum { BLOCK = 64, DIGEST = 32, HMAC_MESSAGE = 1 + SEED_SIZE };
+enum { HMAC_MESSAGE = 1 + SEED_SIZE };
 
 static const uint32_t constants[64] = {
     0x428a2f98, 0x71374491, 0xb5c0fbcf, 0xe9b5dba5, 0x3956c25b, 0x59f111f1, 0x923f82a4, 0xab1c5ed5,
@@ -60,29 +61,53 @@ static void add_block(uint32_t state[8], const uint8_t *at)
         state[k] += s[k];
 }
 
-/* SHA-256 of a block and a short message behind it. */
-static void sha256(const uint8_t first[BLOCK], const uint8_t *message, size_t size,
-                   uint8_t digest[DIGEST])
+void sha256_begin(struct sha256 *sum)
 {
-    uint32_t state[8] = {0x6a09e667, 0xbb67ae85, 0x3c6ef372, 0xa54ff53a,
-                         0x510e527f, 0x9b05688c, 0x1f83d9ab, 0x5be0cd19};
-    uint8_t last[BLOCK] = {0};
-    size_t bits = 8 * (BLOCK + size);
-    add_block(state, first);
-    memcpy(last, message, size); /* at most 55 bytes */
-    last[size] = 0x80;
-    last[BLOCK - 2] = (uint8_t)(bits >> 8);
-    last[BLOCK - 1] = (uint8_t)bits;
-    add_block(state, last);
-    for (int k = 0; k < DIGEST; k++)
-        digest[k] = (uint8_t)(state[k / 4] >> 8 * (3 - k % 4));
+    *sum = (struct sha256){{0x6a09e667, 0xbb67ae85, 0x3c6ef372, 0xa54ff53a,
+                            0x510e527f, 0x9b05688c, 0x1f83d9ab, 0x5be0cd19}, 0, {0}};
+}
+
+void sha256_add(struct sha256 *sum, const void *data, size_t size)
+{
+    const uint8_t *from = data;
+    for (size_t k = 0; k < size; k++) {
+        sum->block[sum->size++ % SHA256_BLOCK] = from[k];
+        if (sum->size % SHA256_BLOCK == 0)
+            add_block(sum->state, sum->block);
+    }
+}
+
+void sha256_end(struct sha256 *sum, uint8_t digest[SHA256_SIZE])
+{
+    uint64_t bits = 8 * sum->size;
+    uint8_t last[8];
+    for (int k = 0; k < 8; k++)
+        last[k] = (uint8_t)(bits >> 8 * (7 - k));
+    sha256_add(sum, "\x80", 1);
+    while (sum->size % SHA256_BLOCK != SHA256_BLOCK - sizeof last)
+        sha256_add(sum, "", 1);
+    sha256_add(sum, last, sizeof last);
+    for (int k = 0; k < SHA256_SIZE; k++)
+        digest[k] = (uint8_t)(sum->state[k / 4] >> 8 * (3 - k % 4));
+}
+
+/* SHA-256 of a block and a message behind it. */
+static void sha256(const uint8_t first[SHA256_BLOCK], const uint8_t *message, size_t size,
+                   uint8_t digest[SHA256_SIZE])
+{
+    struct sha256 sum;
+    sha256_begin(&sum);
+    sha256_add(&sum, first, SHA256_BLOCK);
+    sha256_add(&sum, message, size);
+    sha256_end(&sum, digest);
 }
 
 void key_of(const uint8_t seed[SEED_SIZE], uint8_t key[KEY_SIZE])
 {
     static const uint8_t secret[] = SECRET;
-    uint8_t inner[BLOCK], outer[BLOCK], message[HMAC_MESSAGE], digest[DIGEST], whole[DIGEST];
-    for (size_t k = 0; k < BLOCK; k++) {
+    uint8_t inner[SHA256_BLOCK], outer[SHA256_BLOCK], message[HMAC_MESSAGE];
+    uint8_t digest[SHA256_SIZE], whole[SHA256_SIZE];
+    for (size_t k = 0; k < SHA256_BLOCK; k++) {
         uint8_t byte = k < sizeof secret ? secret[k] : 0;
         inner[k] = byte ^ 0x36;
         outer[k] = byte ^ 0x5C;
