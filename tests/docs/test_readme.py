@@ -28,7 +28,7 @@ from rrins.host_tools.cli.main import rrins
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"```console\n(.*?)```", README, re.DOTALL)
-MAKE, FIRST, MORE, RUNNING, BESIDE, VCAN, ALONE = (
+MAKE, FIRST, MORE, RUNNING, BESIDE, VCAN, ALONE, BOARD = (
     [line.removeprefix("$ ").partition("#")[0].strip() for line in block.splitlines()]
     for block in BLOCKS
 )
@@ -211,6 +211,13 @@ def test_commands_for_other_buses_have_options_that_there_are(command):
     found = rrins.get_command(click.Context(rrins), name)
     assert found is not None
     assert found.make_context(name, words).params["interface"] in ("socketcan", "pcan")
+
+
+def test_the_commands_for_a_board_and_a_browser_are_those_of_the_guides():
+    guides = "".join((ROOT / "docs" / name).read_text() for name in ("build.md", "dashboard.md"))
+    typed_there = [line.partition("#")[0].strip() for line in guides.splitlines()]
+    for command in BOARD[1:]:
+        assert f"$ {command}" in typed_there
 
 
 def test_its_python_runs(monkeypatch):

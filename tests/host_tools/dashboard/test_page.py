@@ -354,14 +354,16 @@ WRITES = pytest.mark.skipif(
 )
 
 
+def keep(page, path):
+    """Keep a picture of a page, small."""
+    picture = Image.open(io.BytesIO(page.screenshot())).convert("RGB")
+    palette = picture.quantize(200, method=Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
+    palette.save(path, optimize=True)
+    assert path.stat().st_size < 300_000
+
+
 @WRITES
 def test_pictures_of_the_guide(open_page, serving, tmp_path, pictures):
-    def keep(page, name):
-        picture = Image.open(io.BytesIO(page.screenshot())).convert("RGB")
-        palette = picture.quantize(200, method=Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
-        palette.save(pictures / name, optimize=True)
-        assert (pictures / name).stat().st_size < 300_000
-
     log = tmp_path / "bus.blf"
     with serving("rimu_rotating", "--speed", "20", "--record", log, folder=tmp_path) as served:
         seen = navigating(open_page, served, color_scheme="light", viewport=LARGE)
@@ -374,16 +376,16 @@ def test_pictures_of_the_guide(open_page, serving, tmp_path, pictures):
         until(lambda: seconds_of(seen.text("#time")) > 590, 120)
         page.keyboard.press("3")
         time.sleep(1)
-        keep(page, "dashboard.png")
+        keep(page, pictures / "dashboard.png")
         page.keyboard.press("t")
         page.keyboard.press("b")
         page.set_viewport_size({"width": 1280, "height": 800})
         time.sleep(1)
-        keep(page, "dashboard_dark.png")
+        keep(page, pictures / "dashboard_dark.png")
         page.click("text=Stop")
         seen.wait("body[data-phase=ended]")
     with serving(log, folder=tmp_path) as served:
         seen = open_page(served.url, color_scheme="light", viewport=LARGE)
         seen.page.click("#events li:has-text('left out')")
         time.sleep(2)
-        keep(seen.page, "dashboard_playback.png")
+        keep(seen.page, pictures / "dashboard_playback.png")

@@ -24,6 +24,7 @@ from rrins.host_tools.runs.exchange import answer_epoch
 from rrins.host_tools.runs.set_up.settings import firmware_settings, hardware_settings
 from rrins.host_tools.scenario.scenario import load, text_of
 from tests.host_tools.dashboard.test_firefox import display, firefox, needs_firefox, until
+from tests.host_tools.dashboard.test_page import WRITES, keep, seconds_of
 
 __all__ = ["display", "firefox"]  # fixtures
 
@@ -209,6 +210,24 @@ def test_options_of_a_server_are_refused(tmp_path):
     done = CliRunner().invoke(dashboard, ["--static", str(tmp_path), "--port", "1"])
     assert done.exit_code == 2
     assert "--port: not with --static" in done.output
+
+
+@pytest.mark.browser
+@WRITES
+def test_the_picture_of_the_guide(open_page, tmp_path, pictures):
+    with served(write_static_page(tmp_path)) as url:
+        seen = open_page(url, color_scheme="light", viewport={"width": 1280, "height": 800})
+        seen.wait("body[data-phase=running]")
+        seen.page.select_option("#drive select[aria-label=speed]", "10")
+        until(lambda: seconds_of(seen.text("#time")) > 460)
+        seen.page.keyboard.press("f")
+        seen.page.fill("input[name=bias_dph]", "20")
+        seen.page.click("#inject")
+        seen.wait('.chip[data-state="excluded"]')
+        until(lambda: seconds_of(seen.text("#time")) > 590)
+        seen.page.keyboard.press("3")
+        time.sleep(1)
+        keep(seen.page, pictures / "static_page.png")
 
 
 def first_plot_and_speed(value, begun_s):
