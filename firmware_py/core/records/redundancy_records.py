@@ -277,6 +277,7 @@ class Parity(Record):
     learning: Bool  #: enough has been learned to replace a missing sensor
     alarm: Bool
     alarm_epoch: I8  #: the first epoch of the alarm
+    alarm_shown: Bool  #: whether the parity was beyond its threshold in it
     persistent: I8  #: seconds for which the same sensors have seemed to fail at standstill
     persistent_sensors: I8  #: which, one bit each
     apart: I8  #: seconds for which all sensors at standstill have been far from the expectation

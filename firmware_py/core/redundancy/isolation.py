@@ -320,15 +320,17 @@ def _sensors(parity: Parity, indices: int) -> int:
 
 
 @compiled
-def standing(parity: Parity, fusion: Fusion, moved: bool, slow: bool) -> int:
+def standing(parity: Parity, fusion: Fusion, moved: bool, slow: bool, at_once: bool) -> int:
     """Return the sensors that fail while the vehicle stands, one bit each; 0: none, or unclear.
 
     Of windows of up to 128 s; the vehicle stood throughout and some time before. Three sensors have
     no parity that would tell a fault from a slight motion: there, it has to last, and the vehicle
     must not have `moved` since navigation began, for then the expectation errs, too. With a parity,
     it has to last and that to have an alarm once the vehicle has moved, for it may creep, and
-    unless the navigated velocity says that it stands (`slow`): a smooth cruise looks the same. Of
-    two that fail, the parity has to have an alarm in any case.
+    unless the navigated velocity says that it stands (`slow`): a smooth cruise looks the same. So
+    it has to if an alarm has been there for some time already (not `at_once`): noise in one sensor
+    and a slight motion look like another's fault now and then. Of two that fail, the parity has to
+    have an alarm in any case.
     """
     if (moved or not slow) and not parity.redundant:
         return 0
@@ -341,7 +343,7 @@ def standing(parity: Parity, fusion: Fusion, moved: bool, slow: bool) -> int:
         parity.apart += 1
     elif found == 0:
         parity.apart = 0
-    if parity.redundant and slow and not moved and parity.apart < _SWAYS_S:
+    if at_once and parity.redundant and slow and not moved and parity.apart < _SWAYS_S:
         return found if parity.alarm or found & (found - 1) == 0 else 0
     lasts = parity.persistent > SETTLED_S and (parity.alarm or not parity.redundant)
     return found if lasts else 0

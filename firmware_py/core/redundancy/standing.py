@@ -32,6 +32,9 @@ for longer that the vehicle stands, and nothing is learned of them."""
 _WITHIN = 3.0
 """Standard deviations by which what is estimated may still change."""
 
+_DRIVEN_FROM, _SURELY, _FIX_S = 1.0, 6.0, 2
+"""m/s, and standard deviations beyond, that a fix of the last seconds has of a moving vehicle."""
+
 _EVEN_DPS = 0.02
 """Largest change of an axis' rate within a second that is none."""
 
@@ -216,6 +219,20 @@ def slow(state: Ram) -> bool:
     """Return whether the velocity navigated speaks for a vehicle that stands."""
     east, north = state.ins.velocity_n[0], state.ins.velocity_n[1]
     return east * east + north * north < _STANDS_BELOW * _STANDS_BELOW
+
+
+@compiled
+def is_driven(state: Ram) -> bool:
+    """Return whether a receiver has measured in the last seconds that the vehicle moves."""
+    gnss = state.gnss
+    if (
+        gnss.interval_epochs == 0
+        or state.epoch - gnss.epoch > _FIX_S * state.redundancy.second_epochs
+    ):
+        return False
+    east, north = gnss.velocity_n[0], gnss.velocity_n[1]
+    least = _DRIVEN_FROM + _SURELY * gnss.velocity_sigma
+    return bool(east * east + north * north > least * least)
 
 
 @compiled

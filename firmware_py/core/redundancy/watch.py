@@ -42,6 +42,8 @@ _CLEAR_AFTER_S = 10
 _APART_S = 20
 """Seconds after which sensors that stand, and do not measure it, are an alarm: two that fail may
 cancel each other in the parity, and a vehicle that moves so little for so long is rare."""
+_AT_ONCE_S = 5
+"""Seconds after the begin of an alarm in which a fault may show itself at once."""
 _SIGNIFICANT = 4.0  # standard deviations
 _LITTLE = 0.5  # of what a sensor at the end of its range says
 
@@ -103,7 +105,7 @@ def _take(
         for k in range(fusion.count):
             parity.unlearned[k] *= 1.0 + lost
     if ratio > 1.0:
-        _raise(state, parity)
+        _raise(state, parity, True)
         parity.ratio = max(parity.ratio, ratio)
         parity.peak = max(parity.peak, ratio)
     if readmission.is_there(state, parity):
@@ -111,11 +113,14 @@ def _take(
 
 
 @compiled
-def _raise(state: Ram, parity: Parity) -> None:
+def _raise(state: Ram, parity: Parity, shown: bool) -> None:
+    """Begin an alarm, or go on with it; `shown` if the parity is beyond its threshold."""
     if not parity.alarm:
         parity.alarm = True
+        parity.alarm_shown = False
         parity.alarm_epoch = state.epoch
         recent.remember(parity, state.epoch)
+    parity.alarm_shown |= shown
     parity.clear_seconds = 0
 
 
@@ -133,7 +138,7 @@ def close_second(state: Ram, parity: Parity, fusion: Fusion) -> tuple[int, int]:
     regressors = ABSOLUTE + count
     if parities.is_full(parity, redundancy.second_epochs):
         parity.ratio = windows.close_second(parity, count, regressors)
-        known = 2 * parity.known_epochs > parity.used_epochs
+        known = 2 * parity.known_epochs > parity.used_epochs and not standing.is_driven(state)
         even = bool(redundancy.turns_evenly)
         if standing.close_second(parity, fusion, regressors, known, slow, even):
             redundancy.moved = True
@@ -142,9 +147,11 @@ def close_second(state: Ram, parity: Parity, fusion: Fusion) -> tuple[int, int]:
         windows.keep(parity, count)
         _close_alarm(state, parity)
         recent.note(parity, count, state.epoch, state.parameters.period_ns * 1e-9)
-        sensors = isolation.standing(parity, fusion, redundancy.moved, slow)
+        alarm_s = (state.epoch - parity.alarm_epoch) / redundancy.second_epochs
+        at_once = not parity.alarm or alarm_s <= _AT_ONCE_S
+        sensors = isolation.standing(parity, fusion, redundancy.moved, slow, at_once)
         if parity.apart > _APART_S and _vouches(redundancy, parity):
-            _raise(state, parity)
+            _raise(state, parity, False)
         if sensors == 0 and parity.alarm:
             sensors, how = isolation.by_parity(parity, count), _PARITY
         parities.begin_second(parity)
@@ -167,7 +174,7 @@ def _vouches(redundancy: Redundancy, parity: Parity) -> bool:
 def _close_alarm(state: Ram, parity: Parity) -> None:
     """Begin an alarm where the last second says so, or end it some time after."""
     if parity.ratio > 1.0:
-        _raise(state, parity)
+        _raise(state, parity, True)
     elif parity.alarm:
         parity.clear_seconds += 1
         if parity.clear_seconds > _CLEAR_AFTER_S:
@@ -213,7 +220,8 @@ def _known(
             if stuck >> sensor & 1:
                 return sensor, _STUCK
             return sensor, _ABSENT if absent >> sensor & 1 else _FULL_SCALE
-    sensor = bank.found(state.redundancy.bank, parity.kind) if parity.alarm else -1
+    is_shown = parity.alarm and parity.alarm_shown  # whatever the parity does not show is not one's
+    sensor = bank.found(state.redundancy.bank, parity.kind) if is_shown else -1
     return sensor if sensor >= 0 and parities.spares(parity, fusion, sensor) else -1, _REFERENCE
 
 
@@ -335,7 +343,7 @@ def _judge(
         if sensors == 0:
             sensors, how = found, shown
     if sensors != 0:
-        _raise(state, parity)
+        _raise(state, parity, False)
         _leave_out(state, parity, fusion, sensors, how)
     everything = (1 << fusion.count) - 1 & ~(parity.excluded | controlled)
     if parity.sensors != everything:

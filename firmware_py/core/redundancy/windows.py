@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 
 from rrins.compiled.compilation import compiled
+from rrins.compiled.record import Floats
 from rrins.firmware_py.core.records.redundancy_records import (
     COARSE_CAPACITY,
     COARSE_S,
@@ -122,8 +123,23 @@ def _is_much(parity: Parity, uncertain: float, count: int) -> bool:
 
 
 @compiled
+def _is_beyond(parity: Parity, residual: Floats, count: int, uncertain: float) -> bool:
+    """Return whether a second by itself shows what is not to be learned."""
+    limit = (_LEARNS_BELOW * parity.second_factor) ** 2
+    for i in range(count):
+        variance = parity.second_variance[i] + parity.drift_second[i]
+        variance += uncertain * parity.learning_variance[i]
+        if parity.projector[i, i] > CHECKED_FROM and residual[i] ** 2 > limit * variance:
+            return True
+    return False
+
+
+@compiled
 def _settle(parity: Parity, count: int, regressors: int, sound: bool) -> None:
-    """Learn from a second that is some time ago if nothing is suspicious since."""
+    """Learn from a second that is some time ago if nothing is suspicious since, nor was in it.
+
+    A fault that passes would otherwise be what is usual, and its end a fault.
+    """
     second = int(parity.seconds) - _late_s(parity)
     if second <= parity.settled:
         return
@@ -140,7 +156,7 @@ def _settle(parity: Parity, count: int, regressors: int, sound: bool) -> None:
         residual[i] = end.residual[i] - before.residual[i] - known
         now.parity[i] += residual[i]
     parity.settled = second
-    if sound:
+    if sound and not _is_beyond(parity, residual, count, uncertain):
         learning.learn(learner, residual, count, uncertain, regressors)
         learning.age(learner, regressors)
         now.leverage += now.stretch**2

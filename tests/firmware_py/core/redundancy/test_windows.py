@@ -79,3 +79,9 @@ def test_a_step_is_not_learned_for_half_a_minute(close):
         close(2.5)
     assert close.parity["parity"]["coefficients"][0, 0] == 0.0
     assert close.parity["ahead"]["coefficients"][0, 0] > 0.0
+
+
+def test_a_fault_of_two_seconds_as_a_turn_begins_is_not_learned(close):
+    ratios = [close(8.0 if 5 <= k < 7 else 0.0, float(k >= 4)) for k in range(60)]
+    assert min(ratios[5:7]) > 1.0
+    assert not close.parity["parity"]["coefficients"].any()
