@@ -18,7 +18,7 @@ from rich.text import Text
 _UNBOUNDED = 100_000
 _NARROWEST_BAR, _WIDEST_BAR = 6, 20
 _LEFT = " left"
-_SAID_EACH_S = 60.0
+_SAID_EACH_S = 300.0
 
 
 def new_console(*, stderr: bool = False, highlight: bool = True) -> Console:
@@ -218,7 +218,7 @@ def _time_left(task: Task) -> str:
 
 
 class _Progress(Progress):
-    """A progress line; where there is no terminal, a line of text a minute."""
+    """A progress line; where there is no terminal, a line of text every five minutes."""
 
     def __init__(self, console: Console, quiet: bool, **options: Any) -> None:
         is_shown = console.is_terminal and not quiet
@@ -244,7 +244,7 @@ def progress_line(
 ) -> Progress:
     """Return a progress line with a bar and the time left, at any width of the terminal.
 
-    Where there is no terminal, it says a line each minute. A task may have a field `state`: a
-    sequence of short texts, the most important first; those that fit follow the time left.
+    Where there is no terminal, it says a line every five minutes. A task may have a field `state`:
+    a sequence of short texts, the most important first; those that fit follow the time left.
     """
     return _Progress(console, quiet, refresh_per_second=refresh_hz, get_time=get_time)

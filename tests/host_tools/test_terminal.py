@@ -92,15 +92,15 @@ def test_progress_has_a_bar_the_mode_and_the_time_left_at_any_width(width):
 
 
 @pytest.mark.parametrize("quiet", [False, True])
-def test_a_long_task_says_each_minute_how_far_it_is_where_there_is_no_terminal(quiet):
+def test_a_long_task_says_every_five_minutes_how_far_it_is_where_there_is_no_terminal(quiet):
     now_s, shown = 0.0, io.StringIO()
     console = Console(file=shown, width=80, force_terminal=False)
     with progress_line(console, quiet, get_time=lambda: now_s) as progress:
         task = progress.add_task("runs", total=300)
         for done in range(1, 151):
-            now_s += 1.0
+            now_s += 5.0
             progress.update(task, completed=done, state=("3 failed",))
-    expected = ["runs: 20 %, 4:00 left  3 failed", "runs: 40 %, 3:00 left  3 failed"]
+    expected = ["runs: 20 %, 20:00 left  3 failed", "runs: 40 %, 15:00 left  3 failed"]
     assert shown.getvalue().splitlines() == ([] if quiet else expected)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import random
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -36,7 +37,10 @@ def sides():
 
     def of_this_test():
         began = set(descendants(os.getpid())) - others
-        names = [Path(f"/proc/{pid}/comm").read_text().strip() for pid in began]
+        names = []
+        for pid in began:
+            with suppress(FileNotFoundError, ProcessLookupError):  # it has ended meanwhile
+                names.append(Path(f"/proc/{pid}/comm").read_text().strip())
         return sorted(name.removeprefix("rrins ") for name in names if name.startswith("rrins "))
 
     return of_this_test
