@@ -224,11 +224,8 @@ def slow(state: Ram) -> bool:
 @compiled
 def is_driven(state: Ram) -> bool:
     """Return whether a receiver has measured in the last seconds that the vehicle moves."""
-    gnss = state.gnss
-    if (
-        gnss.interval_epochs == 0
-        or state.epoch - gnss.epoch > _FIX_S * state.redundancy.second_epochs
-    ):
+    gnss, since = state.gnss, state.epoch - state.gnss.epoch
+    if gnss.interval_epochs == 0 or since > _FIX_S * state.redundancy.second_epochs:
         return False
     east, north = gnss.velocity_n[0], gnss.velocity_n[1]
     least = _DRIVEN_FROM + _SURELY * gnss.velocity_sigma
