@@ -6,6 +6,7 @@ Python uses there, to the last bit.
 
 from __future__ import annotations
 
+import functools
 import importlib.util
 import platform
 import shutil
@@ -54,6 +55,7 @@ def link(system: str, *words: str | Path) -> None:
         zig("cc", "-target", system, *words)
 
 
+@functools.cache
 def links_own_programs(system: str) -> bool:
     """Return whether this machine runs programs of a system, and gcc links static ones for it."""
     gcc = shutil.which("gcc")

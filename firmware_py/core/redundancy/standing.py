@@ -32,8 +32,11 @@ for longer that the vehicle stands, and nothing is learned of them."""
 _WITHIN = 3.0
 """Standard deviations by which what is estimated may still change."""
 
-_DRIVEN_FROM, _SURELY, _FIX_S = 1.0, 6.0, 2
-"""m/s, and standard deviations beyond, that a fix of the last seconds has of a moving vehicle."""
+_FIX_S = 2
+"""Age of the oldest fix that says that the vehicle moves."""
+
+_DRIVEN_FROM, _SURELY = 1.0, 6.0
+"""m/s, and standard deviations of the fix on top, from which its velocity says so."""
 
 _EVEN_DPS = 0.02
 """Largest change of an axis' rate within a second that is none."""

@@ -220,7 +220,7 @@ def _known(
             if stuck >> sensor & 1:
                 return sensor, _STUCK
             return sensor, _ABSENT if absent >> sensor & 1 else _FULL_SCALE
-    is_shown = parity.alarm and parity.alarm_shown  # whatever the parity does not show is not one's
+    is_shown = parity.alarm and parity.alarm_shown  # as the fault of a single sensor is
     sensor = bank.found(state.redundancy.bank, parity.kind) if is_shown else -1
     return sensor if sensor >= 0 and parities.spares(parity, fusion, sensor) else -1, _REFERENCE
 

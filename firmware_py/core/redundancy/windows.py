@@ -123,12 +123,18 @@ def _is_much(parity: Parity, uncertain: float, count: int) -> bool:
 
 
 @compiled
+def _variance_of_second(parity: Parity, sensor: int, uncertain: float) -> float:
+    """Return the variance of a second's parity; `uncertain` in the learner's unit."""
+    known = parity.second_variance[sensor] + parity.drift_second[sensor]
+    return float(known + parity.learning_variance[sensor] * uncertain)
+
+
+@compiled
 def _is_beyond(parity: Parity, residual: Floats, count: int, uncertain: float) -> bool:
     """Return whether a second by itself shows what is not to be learned."""
     limit = (_LEARNS_BELOW * parity.second_factor) ** 2
     for i in range(count):
-        variance = parity.second_variance[i] + parity.drift_second[i]
-        variance += uncertain * parity.learning_variance[i]
+        variance = _variance_of_second(parity, i, uncertain)
         if parity.projector[i, i] > CHECKED_FROM and residual[i] ** 2 > limit * variance:
             return True
     return False
@@ -270,8 +276,7 @@ def _note_squares(parity: Parity, count: int, uncertain: float) -> None:
     alike = min(parity.frozen + 1, NOISE_S)
     is_much = _is_much(parity, uncertain, count)
     for i in range(count):
-        variance = parity.second_variance[i] + parity.drift_second[i]
-        variance += parity.learning_variance[i] * uncertain * alike
+        variance = _variance_of_second(parity, i, uncertain * alike)
         square = parity.late_residual[i] ** 2 / variance if variance > 0.0 else 0.0
         if is_much:
             square = min(square, 1.0)

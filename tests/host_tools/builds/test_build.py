@@ -83,7 +83,9 @@ def test_other_processors_send_the_same_frames_over_whole_scenarios(
 def has_the_digest_of_python(scenario: Scenario, built: Build) -> bool:
     """Return whether the program of a build navigates to the bit as Python does."""
     system = TARGETS[built.target].system
-    assert toolchain.links_own_programs(system), "needs gcc and the static C library"
+    if shutil.which("gcc") is None:
+        pytest.skip("gcc is not installed")
+    assert toolchain.links_own_programs(system), "needs the static C library: libc6-dev"
     program = navigator.link(built.folder, TARGETS[built.target], built.images)
     done = rrins.rehearse(scenario, program=str(program))
     digest = rrins.simulate(scenario).summary["navigation_sha256"]

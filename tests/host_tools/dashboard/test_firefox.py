@@ -105,11 +105,11 @@ def firefox(display, tmp_path):
     process.stderr.close()
 
 
-def until(is_so, seconds=120, pause_s=0.3):
+def until(is_so, seconds=120):
     end = time.monotonic() + seconds
     while not is_so():
         assert time.monotonic() < end, "it never came to be"
-        time.sleep(pause_s)
+        time.sleep(0.05)
 
 
 def test_the_page_lives_in_firefox(firefox, rehearsal):

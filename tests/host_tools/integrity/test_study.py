@@ -147,7 +147,9 @@ def test_a_case_that_once_failed_does_not(seed, number):
     drawn = cases.draw(seed, number)
     begins_s = max((fault.at_s for fault in drawn.scenario.faults), default=600.0)
     changes = {"duration_s": min(begins_s + 300.0, drawn.scenario.duration_s)}
-    if drawn.scenario.altimeter is not None:  # as it was when they failed
+    if (seed, number) == (7, 8582):  # it fails after ten minutes
+        changes = {}
+    elif drawn.scenario.altimeter is not None:  # as it was when they failed
         changes["altimeter"] = {"noise_m": 0.5}
     found = trial.run(replace(drawn, scenario=drawn.scenario.varied(**changes)))
     assert not found.is_misleading
