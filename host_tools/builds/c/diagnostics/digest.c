@@ -48,14 +48,14 @@ static void add_block(uint32_t state[8], const uint8_t *at)
         w[k] = w[k - 16] + low + w[k - 7] + high;
     }
     memcpy(s, state, sizeof s);
-    for (int k = 0; k < 64; k++) {
-        uint32_t high = turned(s[4], 6) ^ turned(s[4], 11) ^ turned(s[4], 25);
-        uint32_t low = turned(s[0], 2) ^ turned(s[0], 13) ^ turned(s[0], 22);
-        uint32_t first = s[7] + high + ((s[4] & s[5]) ^ (~s[4] & s[6])) + constants[k] + w[k];
-        uint32_t second = low + ((s[0] & s[1]) ^ (s[0] & s[2]) ^ (s[1] & s[2]));
-        memmove(s + 1, s, 7 * sizeof *s);
-        s[4] += first;
-        s[0] = first + second;
+    for (unsigned k = 0; k < 64; k++) { /* a to h are s[-k] to s[7 - k], of eight in a ring */
+        uint32_t a = s[-k & 7], b = s[(1 - k) & 7], c = s[(2 - k) & 7];
+        uint32_t e = s[(4 - k) & 7], f = s[(5 - k) & 7], g = s[(6 - k) & 7];
+        uint32_t high = turned(e, 6) ^ turned(e, 11) ^ turned(e, 25);
+        uint32_t low = turned(a, 2) ^ turned(a, 13) ^ turned(a, 22);
+        uint32_t first = s[(7 - k) & 7] + high + ((e & f) ^ (~e & g)) + constants[k] + w[k];
+        s[(3 - k) & 7] += first;
+        s[(7 - k) & 7] = first + low + ((a & b) ^ (a & c) ^ (b & c));
     }
     for (int k = 0; k < 8; k++)
         state[k] += s[k];
@@ -70,9 +70,14 @@ void sha256_begin(struct sha256 *sum)
 void sha256_add(struct sha256 *sum, const void *data, size_t size)
 {
     const uint8_t *from = data;
-    for (size_t k = 0; k < size; k++) {
-        sum->block[sum->size++ % SHA256_BLOCK] = from[k];
-        if (sum->size % SHA256_BLOCK == 0)
+    while (size > 0) {
+        size_t at = sum->size % SHA256_BLOCK, room = SHA256_BLOCK - at;
+        size_t part = size < room ? size : room;
+        memcpy(sum->block + at, from, part);
+        sum->size += part;
+        from += part;
+        size -= part;
+        if (part == room)
             add_block(sum->state, sum->block);
     }
 }
