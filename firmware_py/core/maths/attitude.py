@@ -47,6 +47,25 @@ def quaternion_of_vector(out: Floats, phi: Floats) -> None:
 
 
 @compiled
+def turn_back(phi: Floats, by: Floats, work: Floats) -> None:
+    """Undo the turn `by` before that of `phi`, both rotation vectors, rad; in place.
+
+    `work` is scratch, shape (3, 4).
+    """
+    quaternion_of_vector(work[1], phi)
+    quaternion_of_vector(work[2], by)
+    for i in range(3):
+        work[2, 1 + i] = -work[2, 1 + i]
+    multiply(work[0], work[1], work[2])
+    sine = math.sqrt(work[0, 1] ** 2 + work[0, 2] ** 2 + work[0, 3] ** 2)
+    ratio = 2.0
+    if sine > _SERIES_BELOW:
+        ratio = 2.0 * math.atan2(sine, work[0, 0]) / sine
+    for i in range(3):
+        phi[i] = ratio * work[0, 1 + i]
+
+
+@compiled
 def multiply(out: Floats, p: Floats, q: Floats) -> None:
     """Write the quaternion product ``p q`` to `out`, distinct from both."""
     out[0] = p[0] * q[0] - p[1] * q[1] - p[2] * q[2] - p[3] * q[3]

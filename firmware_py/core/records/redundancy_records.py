@@ -72,7 +72,7 @@ TEST_LEAST_S, TEST_LONGEST_S = 10, 3600
 BEFORE_S = 5
 """Seconds before an alarm that its freeze frames have."""
 
-BLOCK_OTHERS = 54
+BLOCK_OTHERS = 57
 """Numbers of a block that are not by sensor, see `redundancy.blocks`."""
 
 BANK_SENSORS = 4
@@ -404,6 +404,8 @@ class Bank(Record):
     gain: Annotated[Floats, BANK_STATES]
     attitude_s: Annotated[Floats, (3, 3)]
     inputs: Annotated[Floats, (5, 3)]
+    error_q: Annotated[Floats, (3, 4)]  #: of a filter's error of the attitude
+    error_C: Annotated[Floats, (3, 3)]
     attitude_b: Annotated[Floats, (3, 3)]
     way_b: Annotated[Floats, 3]
     alike: Annotated[Floats, (2, SENSOR_GROUPS)]  #: weights of the sensors, see `alike.weigh`

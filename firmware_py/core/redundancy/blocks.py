@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from rrins.compiled.compilation import compiled
 from rrins.compiled.record import Floats
+from rrins.firmware_py.core.estimator import transition
 from rrins.firmware_py.core.maths.vectors import copy
 from rrins.firmware_py.core.records.memory import Fusion, Ins
 from rrins.firmware_py.core.records.redundancy_records import (
@@ -46,6 +47,9 @@ STRETCH_WAY, STRETCH_ATTITUDE = 40, 43
 
 DISTANCE_VARIANCE, SLIP_VARIANCE = 52, 53
 """Of the distance and of the way across (m²); 0: no stretch."""
+
+UNSURE = 54
+"""Variances of the attitude by the estimator as the block began, in n; 0: it does not run."""
 
 OTHERS = BLOCK_OTHERS
 
@@ -108,9 +112,18 @@ def note_motion(repair: Repair, ins: Ins, dtheta_s: Floats, dv_s: Floats, dt: fl
 
 @compiled
 def note_feedback(repair: Repair, fed_back: Floats) -> None:
-    """Add what the estimator has fed back since, shape (12,), and clear that."""
+    """Add what the estimator has fed back since, shape (12,), and clear that.
+
+    As if it had done so when the block began: the force so far would have been turned, too.
+    """
+    block, others = repair.block, repair.stride - OTHERS
+    force = block[others + FORCE : others + FORCE + 3]
+    back = block[others + FED_BACK : others + FED_BACK + 12]
+    back[3] -= fed_back[1] * force[2] - fed_back[2] * force[1]
+    back[4] -= fed_back[2] * force[0] - fed_back[0] * force[2]
+    back[5] -= fed_back[0] * force[1] - fed_back[1] * force[0]
     for i in range(12):
-        repair.block[repair.stride - OTHERS + FED_BACK + i] += fed_back[i]
+        back[i] += fed_back[i]
         fed_back[i] = 0.0
 
 
@@ -121,6 +134,15 @@ def close(repair: Repair, epoch: int) -> None:
     copy(repair.blocks[at : at + repair.stride], repair.block)
     repair.count += 1
     _clear(repair, epoch)
+
+
+@compiled
+def note_unsure(repair: Repair, P: Floats) -> None:
+    """Note the estimator's covariance in the block that begins."""
+    for i in range(3):
+        repair.block[repair.stride - OTHERS + UNSURE + i] = P[
+            transition.ATTITUDE + i, transition.ATTITUDE + i
+        ]
 
 
 @compiled

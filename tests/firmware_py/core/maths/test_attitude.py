@@ -47,6 +47,14 @@ def test_a_product_of_quaternions_turns_by_the_second_first(a, b):
     assert pytest.approx(matrix_of_vector(a) @ matrix_of_vector(b), abs=1e-14) == C
 
 
+@given(VECTORS, VECTORS, SCALES)
+def test_a_turn_back_undoes_the_turn_that_came_first(a, b, scale):
+    phi = scale * a
+    attitude.turn_back(phi, scale * b, np.empty((3, 4)))
+    expected = matrix_of_vector(scale * a) @ matrix_of_vector(scale * b).T
+    assert matrix_of_vector(phi) == pytest.approx(expected, abs=1e-13)
+
+
 @given(VECTORS)
 def test_a_matrix_gives_back_its_quaternion(phi):
     q, again = np.empty(4), np.empty(4)
