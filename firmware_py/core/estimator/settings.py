@@ -170,9 +170,8 @@ def set_up(
         estimator.white_variance[kind, :count] = np.square(sheet.white_noise)
         walk = np.square(sheet.bias_instability) / FLICKER_S + np.square(sheet.rate_random_walk)
         estimator.walk_variance[kind, :count] = walk + (LEAST_WALK * sigma) ** 2 / HOUR_S
-    # Gravity makes a bias of sensitivity, scale and installation; it changes as the sensors turn.
-    through = settings.gyros.force_sigma, settings.accelerometers.slope_sigma
-    estimator.turn_variance[:] = np.square(through) * earth.GRAVITY_EQUATOR**2
+    estimator.turn_variance[0] = settings.gyros.turn_variance(True)
+    estimator.turn_variance[1] = settings.accelerometers.turn_variance(False)
     if settings.constants:
         estimator.turn_variance[1] = 0.0
         _set_up_constants(state, settings, axes_deg)

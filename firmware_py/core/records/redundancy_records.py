@@ -72,7 +72,7 @@ TEST_LEAST_S, TEST_LONGEST_S = 10, 3600
 BEFORE_S = 5
 """Seconds before an alarm that its freeze frames have."""
 
-BLOCK_OTHERS = 57
+BLOCK_OTHERS = 59
 """Numbers of a block that are not by sensor, see `redundancy.blocks`."""
 
 BANK_SENSORS = 4
@@ -198,6 +198,7 @@ class Parity(Record):
     # From the data sheet.
     bias_variance: F8  #: of what a fused component is off by, (rad/s)² or (m/s²)²
     slope_variance: F8  #: of a fused component's scale and installation
+    turn_variance: F8  #: by which gravity along a sensor changes its bias in a turn by a radian
     white_variance: Annotated[Floats, SENSOR_GROUPS]  #: of a sum over 1 s
     quantisation_variance: F8  #: of any sum
     drift_variance: Annotated[Floats, (SENSOR_GROUPS, SECOND_LEVELS)]  #: of a window's sum

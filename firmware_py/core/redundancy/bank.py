@@ -65,7 +65,7 @@ def follow(state: Ram) -> None:
     doubts = _doubt(state, state.redundancy.gyros)
     doubts |= _doubt(state, state.redundancy.accelerometers)
     bank.found = 0
-    if doubts == 0:
+    if doubts == 0 or bank.first >= repair.count:
         bank.active = False
         return
     if not bank.active or doubts & ~bank.doubts:
@@ -104,6 +104,8 @@ def follow(state: Ram) -> None:
         bank.fits = False
         if measured > 0 and bank.at > bank.fault_at:
             bank.measurements += measured
+            if bank.at + _WAIT_S < repair.count:
+                continue  # more is known already
             gyros, accelerometers = state.redundancy.gyros, state.redundancy.accelerometers
             is_second = gyros.excluded | accelerometers.excluded != 0
             bank.found = _decide(bank, RATIO if is_second else _OVER_PAIRS)

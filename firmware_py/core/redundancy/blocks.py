@@ -8,10 +8,12 @@ from __future__ import annotations
 
 from rrins.compiled.compilation import compiled
 from rrins.compiled.record import Floats
-from rrins.firmware_py.core.estimator import transition
 from rrins.firmware_py.core.maths.vectors import copy
-from rrins.firmware_py.core.records.memory import Fusion, Ins
+from rrins.firmware_py.core.records.estimator_records import ATTITUDE as ESTIMATED_ATTITUDE
+from rrins.firmware_py.core.records.estimator_records import BIASES
+from rrins.firmware_py.core.records.memory import Fusion, Ins, Ram
 from rrins.firmware_py.core.records.redundancy_records import (
+    ACCELEROMETERS,
     BLOCK_FLOATS,
     BLOCK_OTHERS,
     LONGEST_S,
@@ -48,8 +50,9 @@ STRETCH_WAY, STRETCH_ATTITUDE = 40, 43
 DISTANCE_VARIANCE, SLIP_VARIANCE = 52, 53
 """Of the distance and of the way across (m²); 0: no stretch."""
 
-UNSURE = 54
-"""Variances of the attitude by the estimator as the block began, in n; 0: it does not run."""
+UNSURE, UNSURE_BIAS = 54, 57
+"""Variances of the attitude by the estimator as the block began, in n, and of the fused vectors of
+gyros and of accelerometers (largest axis, rad²/s², m²/s⁴); 0: it does not run."""
 
 OTHERS = BLOCK_OTHERS
 
@@ -137,12 +140,24 @@ def close(repair: Repair, epoch: int) -> None:
 
 
 @compiled
-def note_unsure(repair: Repair, P: Floats) -> None:
-    """Note the estimator's covariance in the block that begins."""
-    for i in range(3):
-        repair.block[repair.stride - OTHERS + UNSURE + i] = P[
-            transition.ATTITUDE + i, transition.ATTITUDE + i
-        ]
+def note_unsure(state: Ram) -> None:
+    """Note the estimator's covariance in the block that begins, with what is due to be fed back."""
+    repair, estimator = state.redundancy.repair, state.estimator
+    P, x, block = estimator.P, estimator.x, repair.block[repair.stride - OTHERS :]
+    for i in range(ESTIMATED_ATTITUDE, ESTIMATED_ATTITUDE + 3):
+        block[UNSURE + i - ESTIMATED_ATTITUDE] = P[i, i] + x[i] * x[i]
+    fusion, first = state.gyros, BIASES
+    for kind in range(2):
+        if kind == ACCELEROMETERS:
+            first += fusion.count
+            fusion = state.accelerometers
+        for axis in range(3):
+            total, due = 0.0, 0.0
+            for k in range(fusion.count):
+                due += fusion.gain[axis, k] * x[first + k]
+                for j in range(fusion.count):
+                    total += fusion.gain[axis, k] * fusion.gain[axis, j] * P[first + k, first + j]
+            block[UNSURE_BIAS + kind] = max(block[UNSURE_BIAS + kind], total + due * due)
 
 
 @compiled

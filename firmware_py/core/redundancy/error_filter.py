@@ -45,6 +45,10 @@ that much against it, and no more."""
 _FORCE, _TURN, _CHANGE = 0, 1, 2
 """Inputs in n of a block that is propagated: m/s, rad and m/s."""
 
+_GRAVITY_SHARE = 0.25
+"""Share of a sensor's variance by gravity in a fused component of four: a third of the square of
+gravity is along the sensor, and three quarters of a sensor's variance are in the component."""
+
 _LEVEL, _HEADING, _VELOCITY = 1e-3, 1e-2, 30.0
 """Uncertainty of the navigation at the beginning, at least: rad, rad, m/s."""
 
@@ -58,8 +62,9 @@ def begin(one: Hypothesis, gyros: Parity, accelerometers: Parity, block: Floats)
         level = _LEVEL if i < 2 else _HEADING
         one.P[ATTITUDE + i, ATTITUDE + i] = max(level**2, block[blocks.UNSURE + i])
         one.P[VELOCITY + i, VELOCITY + i] = _VELOCITY**2
-        one.P[TURN + i, TURN + i] = gyros.bias_variance
-        one.P[CHANGE + i, CHANGE + i] = accelerometers.bias_variance
+        unsure = block[blocks.UNSURE_BIAS], block[blocks.UNSURE_BIAS + 1]
+        one.P[TURN + i, TURN + i] = max(gyros.bias_variance, unsure[GYROS])
+        one.P[CHANGE + i, CHANGE + i] = max(accelerometers.bias_variance, unsure[ACCELEROMETERS])
     distrust_wheel(one)
 
 
@@ -298,5 +303,11 @@ def _add_noise(state: Ram, one: Hypothesis, turned: float, share: float) -> None
     for i in range(3):
         one.P[ATTITUDE + i, ATTITUDE + i] += turned_variance
         one.P[VELOCITY + i, VELOCITY + i] += velocity
-        one.P[TURN + i, TURN + i] += gyros.parity.walk[0] * share
-        one.P[CHANGE + i, CHANGE + i] += accelerometers.parity.walk[0] * share
+        one.P[TURN + i, TURN + i] += _walk(gyros, turned) * share
+        one.P[CHANGE + i, CHANGE + i] += _walk(accelerometers, turned) * share
+
+
+@compiled
+def _walk(parity: Parity, turned: float) -> float:
+    """Return by how much the variance of a fused component's bias grows."""
+    return float(parity.parity.walk[0] + _GRAVITY_SHARE * parity.turn_variance * turned)

@@ -189,6 +189,7 @@ def _set_parity(
     bias = sheet.bias_limit / 3.0 if sheet.bias_sigma is None else sheet.bias_sigma
     parity["bias_variance"] = bias**2
     parity["slope_variance"] = sheet.slope_sigma**2
+    parity["turn_variance"] = sheet.turn_variance(has_force)
     lengths_s = np.array(WINDOWS_S, dtype=float)
     parity["expected_variance"][:] = (expected * lengths_s) ** 2
     parity["second_factor"] = second_factor(SECONDS_SHARE * allowed, directions)

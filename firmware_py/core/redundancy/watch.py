@@ -416,7 +416,7 @@ def watch(state: Ram, navigating: bool, aligning: bool) -> None:
         reference.follow(state)
         if redundancy.epochs == 0:
             blocks.close(history, state.epoch)
-            blocks.note_unsure(history, state.estimator.P)
+            blocks.note_unsure(state)
     parity, fusion, controlled = redundancy.gyros, state.gyros, diagnostics.excluded_gyros
     stuck, absent = diagnostics.gyro_repetition.stuck, assembly.gyro_absent
     unusable, measured = assembly.received & ~assembly.gyro_usable, assembly.gyro_dtheta

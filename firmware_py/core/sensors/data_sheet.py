@@ -6,6 +6,7 @@ import math
 
 from pydantic import BaseModel, ConfigDict
 
+from rrins.firmware_py.core.maths import earth
 from rrins.firmware_py.core.sensors.calibration import ARCSEC, PPM
 
 FLICKER_S = 1000.0
@@ -70,3 +71,12 @@ class DataSheet(BaseModel):
     force_sigma: float = 0.0
     resolution: float = 0.0
     scale_stability: float = 0.0
+
+    def turn_variance(self, is_gyro: bool) -> float:
+        """Return by how much a bias's variance grows as the sensors turn by a radian.
+
+        Gravity along a sensor makes a bias of sensitivity, scale and installation, another one in
+        each position.
+        """
+        through = self.force_sigma if is_gyro else self.slope_sigma
+        return (through * earth.GRAVITY_EQUATOR) ** 2

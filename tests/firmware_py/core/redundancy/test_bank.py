@@ -94,19 +94,23 @@ def history(kind, sensor, value, seed=1, reference_of=None):
 
 
 def decide(ram, kind):
-    """Run the bank over the history; return the sensor found, and after how many blocks."""
+    """Run the bank over the history, second by second from that of the fault on.
+
+    Returns the sensor found, and after how many blocks.
+    """
     state = ram[0]
-    redundancy = state.redundancy
+    redundancy, of_kind = state.redundancy, int(kind == "accelerometers")
     redundancy[kind].alarm = True
     redundancy[kind].alarm_epoch = 1
-    state.epoch = SECONDS * RATE_HZ
     redundancy.bank.sensors[:] = 0b1111
-    for _ in range(22 * SECONDS // bank.STEPS_PER_EPOCH + 1):
-        bank.follow(state)
-        if redundancy.bank.found > 0:
-            break
-        state.epoch += 1
-    return bank.found(redundancy.bank, int(kind == "accelerometers")), int(redundancy.bank.at)
+    for second in range(BEGINS_S, SECONDS + 1):
+        redundancy.repair.count = second
+        for epoch in range(RATE_HZ):
+            state.epoch = second * RATE_HZ + epoch
+            bank.follow(state)
+            if redundancy.bank.found > 0:
+                return bank.found(redundancy.bank, of_kind), int(redundancy.bank.at)
+    return bank.found(redundancy.bank, of_kind), int(redundancy.bank.at)
 
 
 FAULTS = [("gyros", 10 * DPH), ("accelerometers", 5000 * UG)]
