@@ -9,9 +9,11 @@ from __future__ import annotations
 import math
 
 from rrins.compiled.compilation import compiled
+from rrins.compiled.record import Floats
 from rrins.firmware_py.core.aiding import wheel
 from rrins.firmware_py.core.aiding.wheel import FORWARD_AXIS, RIGHT_AXIS, UP_AXIS
 from rrins.firmware_py.core.estimator import doubt
+from rrins.firmware_py.core.maths import attitude
 from rrins.firmware_py.core.records.estimator_records import (
     ATTITUDE,
     BIASES,
@@ -103,7 +105,7 @@ def correct(state: Ram) -> None:
         return
     for axis in range(3):
         row[: estimator.states] = 0.0
-        _fill_row(state, axis)
+        _fill_row(state, estimator.stretch_attitude, estimator.stretch_b, axis)
         change = 0.0
         for i in range(estimator.states):
             change += row[i] * x[i]
@@ -142,24 +144,43 @@ def follow_slip(state: Ram, innovation: float) -> None:
 @compiled
 def innovation(state: Ram, component: int) -> tuple[float, float]:
     """Write the row of a component of the stretch; return its innovation and sigma, m."""
-    estimator = state.estimator
-    way_b, first = estimator.stretch_b, BIASES + int(state.gyros.count)
-    first += int(state.accelerometers.count)
-    forward, jolt = way_b[FORWARD_AXIS], _jolt_sigma(state)
+    estimator, row = state.estimator, state.estimator.row
+    first = BIASES + int(state.gyros.count) + int(state.accelerometers.count)
+    _turn_to_vehicle(estimator)
+    way, jolt = estimator.vehicle_way, _jolt_sigma(state)
+    right, forward, up = way[RIGHT_AXIS], way[FORWARD_AXIS], way[UP_AXIS]
+    sp, cp = estimator.C_b_v[FORWARD_AXIS, 2], estimator.C_b_v[UP_AXIS, 2]
     if component == FORWARD:
-        _fill_row(state, FORWARD_AXIS)
-        estimator.row[first + SCALE] = -estimator.stretch_m
+        _fill_row(state, estimator.vehicle_attitude, way, FORWARD_AXIS)
+        row[first + SCALE] = -estimator.stretch_m
+        row[first + YAW], row[first + PITCH] = cp * right, up
         measured = estimator.stretch_m * (1.0 + estimator.odometer[SCALE])
         return measured - forward, math.hypot(_forward_sigma(state), jolt)
+    slip = math.hypot(_slip_sigma(estimator, wheel.PIVOT_SIGMA), jolt)
     if component == ACROSS:
-        _fill_row(state, RIGHT_AXIS)
-        estimator.row[first + YAW] = -forward
-        across = way_b[RIGHT_AXIS] - estimator.odometer[YAW] * forward
-        return -across, math.hypot(_slip_sigma(estimator, wheel.PIVOT_SIGMA), jolt)
-    _fill_row(state, UP_AXIS)
-    estimator.row[first + PITCH] = -forward
-    upward = way_b[UP_AXIS] - estimator.odometer[PITCH] * forward
-    return -upward, math.hypot(_slip_sigma(estimator, wheel.PIVOT_SIGMA), jolt)
+        _fill_row(state, estimator.vehicle_attitude, way, RIGHT_AXIS)
+        row[first + YAW] = sp * up - cp * forward
+        return -right, slip
+    _fill_row(state, estimator.vehicle_attitude, way, UP_AXIS)
+    row[first + YAW], row[first + PITCH] = -sp * right, -forward
+    return -up, slip
+
+
+@compiled
+def _turn_to_vehicle(estimator: Estimator) -> None:
+    """Write the way and the attitude along the vehicle's axes, as they are estimated.
+
+    In a turn the wheel's point moves sideways, and a part of that is along a forward axis which is
+    not the body's.
+    """
+    C_b_v, yaw, pitch = estimator.C_b_v, estimator.odometer[YAW], estimator.odometer[PITCH]
+    sy, cy, sp, cp = math.sin(yaw), math.cos(yaw), math.sin(pitch), math.cos(pitch)
+    C_b_v[RIGHT_AXIS, 0], C_b_v[RIGHT_AXIS, 1], C_b_v[RIGHT_AXIS, 2] = cy, -sy, 0.0
+    C_b_v[FORWARD_AXIS, 0], C_b_v[FORWARD_AXIS, 1] = sy * cp, cy * cp
+    C_b_v[FORWARD_AXIS, 2] = sp
+    C_b_v[UP_AXIS, 0], C_b_v[UP_AXIS, 1], C_b_v[UP_AXIS, 2] = -sy * sp, -cy * sp, cp
+    attitude.rotate(estimator.vehicle_way, C_b_v, estimator.stretch_b)
+    attitude.multiply_transposed(estimator.vehicle_attitude, estimator.stretch_attitude, C_b_v)
 
 
 @compiled
@@ -179,11 +200,10 @@ def _jolt_sigma(state: Ram) -> float:
 
 
 @compiled
-def _fill_row(state: Ram, axis: int) -> None:
+def _fill_row(state: Ram, C_b_n: Floats, way_b: Floats, axis: int) -> None:
     estimator = state.estimator
-    C_b_n, seconds = estimator.stretch_attitude, estimator.stretch_s
-    row, matrix = estimator.row, estimator.transition
-    wheel.fill_row(row, ATTITUDE, VELOCITY, C_b_n, estimator.stretch_b, seconds, axis)
+    row, matrix, seconds = estimator.row, estimator.transition, estimator.stretch_s
+    wheel.fill_row(row, ATTITUDE, VELOCITY, C_b_n, way_b, seconds, axis)
     since = estimator.stretch_lag_s * seconds / estimator.seconds[DONE]
     first = BIASES + int(state.gyros.count)
     for i in range(3):  # tilt and biases have changed the velocity since the middle of the stretch

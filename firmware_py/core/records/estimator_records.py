@@ -279,6 +279,9 @@ class Estimator(Record):
     stretch_turned: F8  #: rad, about up
     stretch_b: Annotated[Floats, 3]  #: m, the same by the navigation
     stretch_attitude: Annotated[Floats, (3, 3)]  #: C_b_n, its mean over the stretch
+    C_b_v: Annotated[Floats, (3, 3)]  #: axes of the vehicle: right, forward, up
+    vehicle_way: Annotated[Floats, 3]  #: `stretch_b` along these
+    vehicle_attitude: Annotated[Floats, (3, 3)]  #: C_v_n of the stretch
     sources: Annotated[Records[Source], AIDS]  #: by `Aid`
     # What is told.
     aligned_epochs: I8  #: length of the last fine alignment, so far

@@ -174,6 +174,7 @@ def _measure_stretch(state: Ram, one: Hypothesis, block: Floats, uses: bool) -> 
         variance = block[others + blocks.SLIP_VARIANCE]
         if axis == wheel.FORWARD_AXIS:
             row[_SCALE] = -block[others + blocks.TRAVELLED]
+            row[_YAW] = bank.way_b[wheel.RIGHT_AXIS]
             innovation += block[others + blocks.TRAVELLED]
             variance = block[others + blocks.DISTANCE_VARIANCE]
         else:
