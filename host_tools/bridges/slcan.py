@@ -57,7 +57,7 @@ def _is_estimated(scenario: Scenario, what: str) -> bool:
         "ODOMETER": scenario.odometer is not None,
         "MOUNTING": scenario.odometer is not None,
         "ALTIMETER": scenario.altimeter is not None,
-        "CONSTANT": scenario.estimator.constants,
+        "CONSTANT": scenario.estimates_constants,
     }
     return scenario.estimator.enabled and fitted.get(what, True)
 

@@ -14,6 +14,7 @@ from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
+import numpy as np
 import tomli_w
 from pydantic import Field, TypeAdapter, ValidationError, model_validator
 
@@ -58,6 +59,9 @@ from rrins.host_tools.scenario.tables import (
     each,
 )
 from rrins.host_tools.scenario.wrong_keys import first_line
+
+_LARGE_ASYMMETRY_PPM = 10.0
+"""Root mean square of a kind's asymmetric scale factors from which on they are estimated."""
 
 _NAVIGATE = {"strapdown": "NAVIGATE_STRAPDOWN", "rotating": "NAVIGATE_ROTATING"}
 
@@ -275,6 +279,20 @@ class Scenario(TomlTable, metaclass=_InOneLine):
             turn_rate_dps=self.firmware.turn_rate_dps,
             stand_s=self.firmware.stand_s,
             isolate_heading=self.firmware.isolate_heading,
+        )
+
+    @property
+    def estimates_constants(self) -> bool:
+        """Whether the estimator has scale factors, asymmetries and installation errors as states.
+
+        Asymmetries add up as the vehicle turns to and fro, which no noise stands for.
+        """
+        if self.estimator.constants is not None:
+            return self.estimator.constants
+        tables = (self.gyros, self.accelerometers)
+        return self.estimator.enabled and any(
+            np.mean(np.square(table.asymmetric_scale_error_ppm)) > _LARGE_ASYMMETRY_PPM**2
+            for table in tables
         )
 
     @property

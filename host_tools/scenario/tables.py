@@ -259,8 +259,9 @@ class Estimator(TomlTable):
     """Estimate errors of the navigation and biases from all aids that are fitted."""
     fine_alignment_s: float = Field(default=0.0, ge=0, le=86_400)
     """Between the alignment and navigation, while the table turns; 0: none."""
-    constants: bool = False
-    """Estimate scale factors, asymmetries and installation errors, too, not only biases."""
+    constants: bool | None = None
+    """Estimate scale factors, asymmetries and installation errors, too, not only biases. By default
+    where asymmetries are large."""
     heading_sigma_enough_arcsec: float = Field(default=0.0, ge=0, le=36_000)
     """Ends the fine alignment before its time once the heading is known this well; 0: never."""
     zero_velocity_sigma_mps: float = Field(default=0.002, gt=0, le=10)

@@ -485,8 +485,9 @@ class _EstimatorKeys(TypedDict, total=False):
 
     fine_alignment_s: float
     """Between the alignment and navigation, while the table turns; 0: none. Unit: s."""
-    constants: bool
-    """Estimate scale factors, asymmetries and installation errors, too, not only biases."""
+    constants: bool | None
+    """Estimate scale factors, asymmetries and installation errors, too, not only biases. By default
+    where asymmetries are large."""
     heading_sigma_enough_arcsec: float
     """Ends the fine alignment before its time once the heading is known this well; 0: never. Unit:
     ″."""
@@ -735,7 +736,7 @@ class _Paths(TypedDict, total=False):
     redundancy__readmit: Sequence[ReadmissionTable]
     estimator__enabled: bool
     estimator__fine_alignment_s: float
-    estimator__constants: bool
+    estimator__constants: bool | None
     estimator__heading_sigma_enough_arcsec: float
     estimator__zero_velocity_sigma_mps: float
     estimator__detects_standing: bool

@@ -79,4 +79,4 @@ class DataSheet(BaseModel):
         each position.
         """
         through = self.force_sigma if is_gyro else self.slope_sigma
-        return (through * earth.GRAVITY_EQUATOR) ** 2
+        return through**2 * earth.GRAVITY_EQUATOR**2

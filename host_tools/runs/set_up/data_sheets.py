@@ -86,6 +86,14 @@ def _limits(table: Gyros | Accelerometers) -> dict[str, float]:
     }
 
 
+def _bias_sigma(table: Gyros | Accelerometers, leasts: _Leasts, more: float = 0.0) -> float:
+    """Return the standard deviation of a bias in SI units, with `more` of another cause."""
+    keys = by_name(table)
+    parts = (keys[name][0] for name in ("bias", "bias_repeatability", "bias_instability"))
+    unit = keys["bias"][1]
+    return max(leasts.bias_sigma * unit, math.hypot(math.sqrt(_mean_square(*parts)) * unit, more))
+
+
 def _data_sheet(
     table: Gyros | Accelerometers, count: int, thermal: Thermal, leasts: _Leasts
 ) -> DataSheet:
@@ -99,7 +107,6 @@ def _data_sheet(
         return tuple(v * si for v in each(value, count))
 
     repeat = _REPEATS_WITHIN * _largest(value["bias_repeatability"])
-    square = _mean_square(value["bias"], value["bias_repeatability"], value["bias_instability"])
     force = value.get("g_sensitivity")
     of_force = (
         {}
@@ -119,7 +126,7 @@ def _data_sheet(
         ),
         temperature_s=thermal.time_constant_s,
         bias_limit=max(leasts.bias, _largest(value["bias"]) + repeat) * unit,
-        bias_sigma=max(leasts.bias_sigma, math.sqrt(square)) * unit,
+        bias_sigma=_bias_sigma(table, leasts),
         **of_force,
         **_limits(table),
     )
@@ -177,22 +184,30 @@ def attitude_sigmas(scenario: Scenario) -> tuple[float, float]:
     return level * ARCSEC, heading * ARCSEC
 
 
+def _filter_sheet(sheet: DataSheet, table: Gyros | Accelerometers, gravity: bool) -> DataSheet:
+    """Return the data sheet for the filter; its bias may have what gravity makes of errors, too."""
+    is_gyro = isinstance(table, Gyros)
+    stated = sheet.model_copy(update={"slope_sigma": _slope_sigma(table, 0.0)})
+    made = math.sqrt(stated.turn_variance(is_gyro)) if gravity else 0.0
+    changes = {
+        "slope_sigma": _slope_sigma(table, _LEAST_FILTER_SLOPE_PPM),
+        "bias_sigma": _bias_sigma(table, _GYROS if is_gyro else _ACCELEROMETERS, made),
+    }
+    return sheet.model_copy(update=changes)
+
+
 def estimator_settings(scenario: Scenario) -> EstimatorSettings | None:
     """Return the set-up of the firmware's estimator for a scenario; None where it has none."""
     table = scenario.estimator
     if not table.enabled:
         return None
     level_sigma, heading_sigma = attitude_sigmas(scenario)
-    gyro_slope, accelerometer_slope = (
-        _slope_sigma(table, _LEAST_FILTER_SLOPE_PPM)
-        for table in (scenario.gyros, scenario.accelerometers)
-    )
     return EstimatorSettings(
-        gyros=_gyros(scenario).model_copy(update={"slope_sigma": gyro_slope}),
-        accelerometers=_accelerometers(scenario).model_copy(
-            update={"slope_sigma": accelerometer_slope}
+        gyros=_filter_sheet(_gyros(scenario), scenario.gyros, True),
+        accelerometers=_filter_sheet(
+            _accelerometers(scenario), scenario.accelerometers, not scenario.estimates_constants
         ),
-        constants=table.constants,
+        constants=scenario.estimates_constants,
         fine_alignment_s=table.fine_alignment_s,
         heading_sigma_enough=table.heading_sigma_enough_arcsec * ARCSEC,
         zero_velocity_sigma=table.zero_velocity_sigma_mps,

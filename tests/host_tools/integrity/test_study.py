@@ -163,6 +163,27 @@ def test_a_case_that_once_failed_does_not(seed, number):
     assert not found.sound_left_out
 
 
+@pytest.mark.parametrize(
+    ("number", "errors"),
+    [
+        (30, {"gyros": {"g_sensitivity_dph_per_g": 3.0}}),
+        (2182, {"accelerometers": {"scale_repeatability_ppm": 1000.0}}),
+        (22, {"gyros": {"asymmetric_scale_error_ppm": 200.0}}),
+    ],
+    ids=["sensitivity", "scale", "asymmetry"],
+)
+def test_sigma_knows_of_the_errors_that_the_data_sheet_states(number, errors):
+    """Larger than the presets': what gravity makes a bias of, and what adds up in turns."""
+    drawn = cases.draw(11, number)
+    kinds = {
+        kind: getattr(drawn.scenario, kind).model_dump(exclude_unset=True) | changes
+        for kind, changes in errors.items()
+    }
+    found = trial.run(replace(drawn, scenario=drawn.scenario.varied(**kinds)))
+    assert not found.is_misleading
+    assert max(z for z in found.error_over_sigma if not math.isnan(z)) < 2
+
+
 def test_three_sensors_beside_gnss_have_a_bound():
     """One of four accelerometers is left out at 19 s: the aid shows what no parity does."""
     drawn = cases.draw(91, 28)
