@@ -30,7 +30,7 @@ from rrins.firmware_py.core.records.initial_attitude import (
 )
 from rrins.firmware_py.core.records.memory import Fusion, Ram
 from rrins.firmware_py.core.sensors.calibration import transverse
-from rrins.firmware_py.core.sensors.data_sheet import FLICKER_S, DataSheet
+from rrins.firmware_py.core.sensors.data_sheet import DataSheet
 
 _LEAST_SLOPE = 1e-7
 """Of scale factors and installation, where they are states: what they change by as it turns."""
@@ -168,7 +168,7 @@ def set_up(
         estimator.slope_variance[kind] = sheet.slope_sigma**2
         count = len(sheet.white_noise)
         estimator.white_variance[kind, :count] = np.square(sheet.white_noise)
-        walk = np.square(sheet.bias_instability) / FLICKER_S + np.square(sheet.rate_random_walk)
+        walk = np.array(sheet.walk_variance)
         estimator.walk_variance[kind, :count] = walk + (LEAST_WALK * sigma) ** 2 / HOUR_S
     estimator.turn_variance[0] = settings.gyros.turn_variance(True)
     estimator.turn_variance[1] = settings.accelerometers.turn_variance(False)

@@ -155,9 +155,7 @@ def _set_learner(learner: Learner, sheet: DataSheet, has_force: bool) -> None:
     usual[ABSOLUTE:] = sheet.asymmetry_sigma**2
     usual[:] = np.minimum(usual, prior)
     walk[:] = prior * 1e-9
-    drift = max(sheet.bias_instability) ** 2 / FLICKER_S + max(sheet.rate_random_walk) ** 2
-    warm = max(sheet.temperature_drift)
-    walk[0] = max(walk[0] * 1e-3, drift + warm**2 / sheet.temperature_s)
+    walk[0] = max(walk[0] * 1e-3, *sheet.walk_variance)
 
 
 def _set_parity(

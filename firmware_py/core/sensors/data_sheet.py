@@ -72,6 +72,16 @@ class DataSheet(BaseModel):
     resolution: float = 0.0
     scale_stability: float = 0.0
 
+    @property
+    def walk_variance(self) -> tuple[float, ...]:
+        """By how much the variance of each sensor's bias grows in a second."""
+        return tuple(
+            unstable**2 / FLICKER_S + walk**2 + warm**2 / self.temperature_s
+            for unstable, walk, warm in zip(
+                self.bias_instability, self.rate_random_walk, self.temperature_drift, strict=True
+            )
+        )
+
     def turn_variance(self, is_gyro: bool) -> float:
         """Return by how much a bias's variance grows as the sensors turn by a radian.
 

@@ -169,11 +169,12 @@ def test_a_case_that_once_failed_does_not(seed, number):
         (30, {"gyros": {"g_sensitivity_dph_per_g": 3.0}}),
         (2182, {"accelerometers": {"scale_repeatability_ppm": 1000.0}}),
         (22, {"gyros": {"asymmetric_scale_error_ppm": 200.0}}),
+        (22, {"gyros": {"bias_temperature_dph_per_k": 0.1}, "thermal": {"warm_up_k": 20.0}}),
     ],
-    ids=["sensitivity", "scale", "asymmetry"],
+    ids=["sensitivity", "scale", "asymmetry", "warm-up"],
 )
 def test_sigma_knows_of_the_errors_that_the_data_sheet_states(number, errors):
-    """Larger than the presets': what gravity makes a bias of, and what adds up in turns."""
+    """Larger than the presets': what gravity makes a bias of, what adds up in turns, a drift."""
     drawn = cases.draw(11, number)
     kinds = {
         kind: getattr(drawn.scenario, kind).model_dump(exclude_unset=True) | changes
