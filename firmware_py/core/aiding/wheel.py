@@ -17,7 +17,7 @@ from rrins.firmware_py.core.records.memory import WHEEL_EPOCHS, Odometer, Ram, W
 RIGHT_AXIS, FORWARD_AXIS, UP_AXIS = 0, 1, 2
 """Axes of the body."""
 
-WAY, ATTITUDE_B, TURNED_B = 0, 3, 12
+WAY, ATTITUDE_B, TURNED_B, LEVERED = 0, 3, 12, 13
 """First column of each in a row of `Wheel.track`."""
 
 SCALE_SIGMA = 0.01
@@ -32,9 +32,9 @@ MOUNTING_SIGMA = math.radians(1.0)
 SLIP_SIGMA = 0.05
 """m/s, of the velocity across the forward axis: what tyres and springs let through."""
 
-PIVOT_SIGMA = 2.0
-"""m, along the vehicle: where the point is that does not move sideways in a turn. Steered wheels
-do, and tyres that turn fast."""
+PIVOT_SIGMA, PIVOT_WANDERS = 2.0, 0.3
+"""m, along the vehicle: how far from the wheel the point is that does not move sideways in a turn,
+and by how much it is another one in each second. Steered wheels do, and tyres that turn fast."""
 
 STANDING_SLIP = 0.005
 """m/s, across the forward axis, of a vehicle whose wheels stand: it sways on its springs."""
@@ -60,6 +60,7 @@ def follow(state: Ram) -> None:
     row = wheel.track[state.epoch % WHEEL_EPOCHS]
     for i in range(3):
         row[WAY + i] = wheel.way_b[i]
+        row[LEVERED + i] = wheel.levered_b[i]
         for k in range(3):
             row[ATTITUDE_B + 3 * i + k] = wheel.attitude_b[i, k]
     row[TURNED_B] = wheel.turned_b
@@ -70,16 +71,20 @@ def _begin(state: Ram) -> None:
     wheel = state.wheel
     wheel.first = state.epoch
     wheel.turned_b = 0.0
-    _turn_lever(state)
+    turn_lever(state)
     for i in range(3):
         wheel.way_b[i] = 0.0
+        wheel.levered_b[i] = 0.0
         for k in range(3):
             wheel.attitude_b[i, k] = 0.0
 
 
 @compiled
-def _turn_lever(state: Ram) -> None:
-    """Write the body's attitude, and the lever arm in n."""
+def turn_lever(state: Ram) -> None:
+    """Write the body's attitude, and the lever arm in n; also where the attitude is corrected.
+
+    The wheel has not moved by what a correction turns the lever arm.
+    """
     wheel = state.wheel
     multiply_transposed(wheel.C_b_n, state.ins.C_s_n, state.C_s_b)
     rotate(wheel.lever_n, wheel.C_b_n, state.odometer.lever_arm_b)
@@ -89,14 +94,22 @@ def _turn_lever(state: Ram) -> None:
 def _add(state: Ram, dt: float) -> None:
     wheel, ins = state.wheel, state.ins
     for i in range(3):
-        middle = ins.velocity_n[i] - 0.5 * ins.velocity_change_n[i]
-        wheel.moved_n[i] = middle * dt - wheel.lever_n[i]
+        wheel.moved_n[i] = -wheel.lever_n[i]
         wheel.right_n[i] = wheel.C_b_n[i, RIGHT_AXIS]
-    _turn_lever(state)
+    turn_lever(state)
     C_b_n = wheel.C_b_n
     for i in range(3):
         wheel.moved_n[i] += wheel.lever_n[i]
         wheel.turned_b += wheel.right_n[i] * C_b_n[i, FORWARD_AXIS]
+    for k in range(3):
+        wheel.levered_b[k] += (
+            C_b_n[0, k] * wheel.moved_n[0]
+            + C_b_n[1, k] * wheel.moved_n[1]
+            + C_b_n[2, k] * wheel.moved_n[2]
+        )
+    for i in range(3):
+        middle = ins.velocity_n[i] - 0.5 * ins.velocity_change_n[i]
+        wheel.moved_n[i] += middle * dt
     for k in range(3):
         wheel.way_b[k] += (
             C_b_n[0, k] * wheel.moved_n[0]
@@ -159,7 +172,8 @@ def fill_row(
         First state of each: a turn of the body about the axes of n (rad), velocity_n (m/s).
     C_b_n : array, shape (3, 3)
     way_b : array, shape (3,)
-        By the navigation, m.
+        By the navigated velocity, m: an error of the attitude does not change how the lever arm
+        turns in the body.
     seconds : float
         Length of the stretch.
     axis : int

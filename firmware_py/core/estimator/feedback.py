@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from rrins.compiled.compilation import compiled
 from rrins.compiled.record import Floats
+from rrins.firmware_py.core.aiding import wheel
 from rrins.firmware_py.core.estimator import constants, receiver, sway
 from rrins.firmware_py.core.maths import earth
 from rrins.firmware_py.core.navigation import strapdown
@@ -72,6 +73,8 @@ def apply(state: Ram) -> None:
     estimator, ins, x = state.estimator, state.ins, state.estimator.x
     _note(state)
     strapdown.turn(ins, x[:3])
+    if state.odometer.interval_epochs > 0:
+        wheel.turn_lever(state)
     number = estimator.corrections % CORRECTIONS
     estimator.corrections += 1
     estimator.correction_epoch[number] = state.epoch

@@ -10,7 +10,12 @@ import math
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
-from rrins.firmware_py.core.aiding.wheel import MOUNTING_SIGMA, SCALE_SIGMA, SLIP_SIGMA
+from rrins.firmware_py.core.aiding.wheel import (
+    MOUNTING_SIGMA,
+    PIVOT_SIGMA,
+    SCALE_SIGMA,
+    SLIP_SIGMA,
+)
 from rrins.firmware_py.core.estimator import receiver, sway
 from rrins.firmware_py.core.estimator.propagation import HOUR_S, LEAST_WALK
 from rrins.firmware_py.core.maths import earth
@@ -140,7 +145,8 @@ def set_up(
     estimator.states = BIASES + int(state.gyros.count) + int(state.accelerometers.count)
     if state.odometer.interval_epochs > 0:
         estimator.states += ODOMETER_STATES
-    estimator.odometer_sigma[:] = settings.odometer_scale_sigma, *2 * (settings.mounting_sigma,)
+    mounting = settings.mounting_sigma, settings.mounting_sigma, PIVOT_SIGMA
+    estimator.odometer_sigma[:] = settings.odometer_scale_sigma, *mounting
     estimator.slip_sigma = settings.slip_sigma
     if estimator.altimeter:
         estimator.altimeter_state = estimator.states

@@ -22,6 +22,7 @@ from rrins.firmware_py.core.records.estimator_records import (
     DONE,
     NO_TRUST,
     PITCH,
+    PIVOT,
     SCALE,
     VELOCITY,
     YAW,
@@ -67,6 +68,7 @@ def finish_second(state: Ram) -> None:
         end, start = track[now % WHEEL_EPOCHS], track[before % WHEEL_EPOCHS]
         for i in range(3):
             estimator.stretch_b[i] = end[wheel.WAY + i] - start[wheel.WAY + i]
+            estimator.levered_b[i] = end[wheel.LEVERED + i] - start[wheel.LEVERED + i]
             for k in range(3):
                 at = wheel.ATTITUDE_B + 3 * i + k
                 estimator.stretch_attitude[i, k] = (end[at] - start[at]) / seconds
@@ -103,9 +105,11 @@ def correct(state: Ram) -> None:
     estimator, row, x = state.estimator, state.estimator.row, state.estimator.x
     if estimator.waiting >> (COMPONENTS * _ODOMETER) & _EVERY == 0:
         return
+    for i in range(3):
+        estimator.velocity_way[i] = estimator.stretch_b[i] - estimator.levered_b[i]
     for axis in range(3):
         row[: estimator.states] = 0.0
-        _fill_row(state, estimator.stretch_attitude, estimator.stretch_b, axis)
+        _fill_row(state, estimator.stretch_attitude, axis)
         change = 0.0
         for i in range(estimator.states):
             change += row[i] * x[i]
@@ -151,19 +155,19 @@ def innovation(state: Ram, component: int) -> tuple[float, float]:
     right, forward, up = way[RIGHT_AXIS], way[FORWARD_AXIS], way[UP_AXIS]
     sp, cp = estimator.C_b_v[FORWARD_AXIS, 2], estimator.C_b_v[UP_AXIS, 2]
     if component == FORWARD:
-        _fill_row(state, estimator.vehicle_attitude, way, FORWARD_AXIS)
+        _fill_row(state, estimator.vehicle_attitude, FORWARD_AXIS)
         row[first + SCALE] = -estimator.stretch_m
         row[first + YAW], row[first + PITCH] = cp * right, up
         measured = estimator.stretch_m * (1.0 + estimator.odometer[SCALE])
         return measured - forward, math.hypot(_forward_sigma(state), jolt)
-    slip = math.hypot(_slip_sigma(estimator, wheel.PIVOT_SIGMA), jolt)
     if component == ACROSS:
-        _fill_row(state, estimator.vehicle_attitude, way, RIGHT_AXIS)
-        row[first + YAW] = sp * up - cp * forward
-        return -right, slip
-    _fill_row(state, estimator.vehicle_attitude, way, UP_AXIS)
+        _fill_row(state, estimator.vehicle_attitude, RIGHT_AXIS)
+        row[first + YAW], row[first + PIVOT] = sp * up - cp * forward, estimator.stretch_turned
+        right += estimator.odometer[PIVOT] * estimator.stretch_turned
+        return -right, math.hypot(_slip_sigma(estimator, wheel.PIVOT_WANDERS), jolt)
+    _fill_row(state, estimator.vehicle_attitude, UP_AXIS)
     row[first + YAW], row[first + PITCH] = -sp * right, -forward
-    return -up, slip
+    return -up, math.hypot(_slip_sigma(estimator, wheel.PIVOT_SIGMA), jolt)
 
 
 @compiled
@@ -180,6 +184,9 @@ def _turn_to_vehicle(estimator: Estimator) -> None:
     C_b_v[FORWARD_AXIS, 2] = sp
     C_b_v[UP_AXIS, 0], C_b_v[UP_AXIS, 1], C_b_v[UP_AXIS, 2] = -sy * sp, -cy * sp, cp
     attitude.rotate(estimator.vehicle_way, C_b_v, estimator.stretch_b)
+    attitude.rotate(estimator.velocity_way, C_b_v, estimator.levered_b)
+    for i in range(3):
+        estimator.velocity_way[i] = estimator.vehicle_way[i] - estimator.velocity_way[i]
     attitude.multiply_transposed(estimator.vehicle_attitude, estimator.stretch_attitude, C_b_v)
 
 
@@ -200,10 +207,10 @@ def _jolt_sigma(state: Ram) -> float:
 
 
 @compiled
-def _fill_row(state: Ram, C_b_n: Floats, way_b: Floats, axis: int) -> None:
+def _fill_row(state: Ram, C_b_n: Floats, axis: int) -> None:
     estimator = state.estimator
     row, matrix, seconds = estimator.row, estimator.transition, estimator.stretch_s
-    wheel.fill_row(row, ATTITUDE, VELOCITY, C_b_n, way_b, seconds, axis)
+    wheel.fill_row(row, ATTITUDE, VELOCITY, C_b_n, estimator.velocity_way, seconds, axis)
     since = estimator.stretch_lag_s * seconds / estimator.seconds[DONE]
     first = BIASES + int(state.gyros.count)
     for i in range(3):  # tilt and biases have changed the velocity since the middle of the stretch

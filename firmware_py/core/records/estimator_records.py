@@ -12,15 +12,15 @@ ATTITUDE, VELOCITY, LATITUDE, LONGITUDE, HEIGHT, BIASES = 0, 3, 6, 7, 8, 9
 """First state of each group. An error is what has to be added to the navigation: attitude, a turn
 of the sensors about the axes of n (rad); velocity_n (m/s); latitude, longitude (rad); height (m);
 the biases of gyros (rad/s), then of accelerometers (m/s²), along each input axis; where there is
-an odometer, its scale error (1) and by how much the vehicle's forward axis points to the right and
-up of y of the body (rad); where the altimeter is a measurement, its bias (m); where the vehicle
-sways about a known place, of its way from there to the east, then to the north, the integral (m s)
-and the way (m); where a receiver's errors last, its latitude's, longitude's and height's (m); where
-they are estimated, the sensors' scale factors, asymmetries and installation
-errors, each of gyros, then of accelerometers."""
+an odometer, its scale error (1), by how much the vehicle's forward axis points to the right and up
+of y of the body (rad), and how far ahead of the wheel the vehicle's pivot is (m); where the
+altimeter is a measurement, its bias (m); where the vehicle sways about a known place, of its way
+from there to the east, then to the north, the integral (m s) and the way (m); where a receiver's
+errors last, its latitude's, longitude's and height's (m); where they are estimated, the sensors'
+scale factors, asymmetries and installation errors, each of gyros, then of accelerometers."""
 
-ODOMETER_STATES = 3
-SCALE, YAW, PITCH = 0, 1, 2
+ODOMETER_STATES = 4
+SCALE, YAW, PITCH, PIVOT = 0, 1, 2, 3
 """Place of each in the odometer's group."""
 
 SWAY_STATES = 4
@@ -113,7 +113,7 @@ class EstimatorSecond(Record):
     constant: Annotated[Floats, (2 * SENSOR_CONSTANTS, SENSOR_GROUPS)]  #: as in `Estimator`
     constant_sigma: Annotated[Floats, (2 * SENSOR_CONSTANTS, SENSOR_GROUPS)]  #: 1, 1, rad, rad
     odometer: Annotated[Floats, ODOMETER_STATES]  #: as in `Estimator`
-    odometer_sigma: Annotated[Floats, ODOMETER_STATES]  #: 1, rad, rad
+    odometer_sigma: Annotated[Floats, ODOMETER_STATES]  #: 1, rad, rad, m
     altimeter_bias: F8  #: m
     altimeter_bias_sigma: F8  #: m
     protection: Annotated[
@@ -172,7 +172,7 @@ class Estimator(Record):
     attitude_sigma: Annotated[Floats, 3]  #: rad, at the beginning, in n
     velocity_sigma: F8  #: m/s, at the beginning
     start_sigma: F8  #: m, of the position at the beginning
-    odometer_sigma: Annotated[Floats, ODOMETER_STATES]  #: 1, rad, rad
+    odometer_sigma: Annotated[Floats, ODOMETER_STATES]  #: 1, rad, rad, m
     slip_sigma: F8  #: m/s, of the velocity across the vehicle's forward axis
     altimeter_sigma: F8  #: m, of a height
     altimeter_bias_sigma: F8  #: m, at the beginning
@@ -187,7 +187,7 @@ class Estimator(Record):
     # What the compensation removes.
     gyro_bias: Annotated[Floats, SENSOR_GROUPS]  #: rad/s
     accelerometer_bias: Annotated[Floats, SENSOR_GROUPS]  #: m/s²
-    odometer: Annotated[Floats, ODOMETER_STATES]  #: scale error, and direction of the forward axis
+    odometer: Annotated[Floats, ODOMETER_STATES]  #: scale, forward axis, pivot
     constants: Bool  #: whether scale factors and installation errors are states
     constants_state: I8  #: the first of them
     constant: Annotated[Floats, (2 * SENSOR_CONSTANTS, SENSOR_GROUPS)]  #: of gyros, accelerometers
@@ -278,9 +278,11 @@ class Estimator(Record):
     stretch_lag_s: F8  #: from its middle to where the filter stands
     stretch_turned: F8  #: rad, about up
     stretch_b: Annotated[Floats, 3]  #: m, the same by the navigation
+    levered_b: Annotated[Floats, 3]  #: m, of that by the lever arm, which turns
     stretch_attitude: Annotated[Floats, (3, 3)]  #: C_b_n, its mean over the stretch
     C_b_v: Annotated[Floats, (3, 3)]  #: axes of the vehicle: right, forward, up
     vehicle_way: Annotated[Floats, 3]  #: `stretch_b` along these
+    velocity_way: Annotated[Floats, 3]  #: along these or the body's, without `levered_b`
     vehicle_attitude: Annotated[Floats, (3, 3)]  #: C_v_n of the stretch
     sources: Annotated[Records[Source], AIDS]  #: by `Aid`
     # What is told.

@@ -72,7 +72,7 @@ TEST_LEAST_S, TEST_LONGEST_S = 10, 3600
 BEFORE_S = 5
 """Seconds before an alarm that its freeze frames have."""
 
-BLOCK_OTHERS = 59
+BLOCK_OTHERS = 62
 """Numbers of a block that are not by sensor, see `redundancy.blocks`."""
 
 BANK_SENSORS = 4
@@ -409,6 +409,7 @@ class Bank(Record):
     error_C: Annotated[Floats, (3, 3)]
     attitude_b: Annotated[Floats, (3, 3)]
     way_b: Annotated[Floats, 3]
+    velocity_way_b: Annotated[Floats, 3]
     alike: Annotated[Floats, (2, SENSOR_GROUPS)]  #: weights of the sensors, see `alike.weigh`
     direction_s: Annotated[Floats, 3]
 

@@ -50,6 +50,9 @@ STRETCH_WAY, STRETCH_ATTITUDE = 40, 43
 DISTANCE_VARIANCE, SLIP_VARIANCE = 52, 53
 """Of the distance and of the way across (m²); 0: no stretch."""
 
+STRETCH_LEVERED = 59
+"""Of the way by the navigation, what the lever arm makes as it turns (m)."""
+
 UNSURE, UNSURE_BIAS = 54, 57
 """Variances of the attitude by the estimator as the block began, in n, and of the fused vectors of
 gyros and of accelerometers (largest axis, rad²/s², m²/s⁴); 0: it does not run."""

@@ -164,12 +164,13 @@ def _measure_stretch(state: Ram, one: Hypothesis, block: Floats, uses: bool) -> 
     seconds, row, fits = block[others + blocks.STRETCH_S], bank.row, True
     for i in range(3):
         bank.way_b[i] = block[others + blocks.STRETCH_WAY + i]
+        bank.velocity_way_b[i] = bank.way_b[i] - block[others + blocks.STRETCH_LEVERED + i]
         for k in range(3):
             integral = block[others + blocks.STRETCH_ATTITUDE + 3 * i + k]
             bank.attitude_b[i, k] = integral / seconds
     for axis in (wheel.FORWARD_AXIS, wheel.RIGHT_AXIS):
         row[:] = 0.0
-        wheel.fill_row(row, ATTITUDE, VELOCITY, bank.attitude_b, bank.way_b, seconds, axis)
+        wheel.fill_row(row, ATTITUDE, VELOCITY, bank.attitude_b, bank.velocity_way_b, seconds, axis)
         innovation = -bank.way_b[axis]
         variance = block[others + blocks.SLIP_VARIANCE]
         if axis == wheel.FORWARD_AXIS:

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from rrins.compiled.compilation import compiled, compiled_with
 from rrins.compiled.record import Floats
+from rrins.firmware_py.core.aiding import wheel
 from rrins.firmware_py.core.estimator import transition
 from rrins.firmware_py.core.estimator.transition import CHANGE, LATITUDE, LONGITUDE, TURN, VELOCITY
 from rrins.firmware_py.core.maths import earth
@@ -95,6 +96,8 @@ def _apply(state: Ram) -> None:
     for i in range(3):
         ins.velocity_n[i] += x[VELOCITY + i]
     strapdown.turn(ins, x[:3])
+    if state.odometer.interval_epochs > 0:
+        wheel.turn_lever(state)
 
 
 @compiled_with(is_unit=True)

@@ -15,6 +15,7 @@ from rrins.compiled.record import Records
 from rrins.firmware_py.core.records.estimator_records import (
     ESTIMATOR_HISTORY_S,
     PITCH,
+    PIVOT,
     SCALE,
     SENSOR_CONSTANTS,
     YAW,
@@ -103,12 +104,12 @@ def _constants(second: EstimatorSecond, kind: int, count: int) -> JsonObject:
 
 
 def _odometer(state: Ram, second: EstimatorSecond) -> JsonObject | None:
-    """Return scale and mounting of the odometer; None without one."""
+    """Return scale, mounting and pivot of the odometer; None without one."""
     if not state.odometer.interval_epochs:
         return None
-    units = np.array([PPM, math.radians(1), math.radians(1)])
+    units = np.array([PPM, math.radians(1), math.radians(1), 1.0])
     found, sigma = second["odometer"] / units, second["odometer_sigma"] / units
-    names = {"scale_ppm": SCALE, "yaw_deg": YAW, "pitch_deg": PITCH}
+    names = {"scale_ppm": SCALE, "yaw_deg": YAW, "pitch_deg": PITCH, "pivot_m": PIVOT}
     return {
         name: {"estimated": _number(found[at]), "sigma": _number(sigma[at])}
         for name, at in names.items()
@@ -212,10 +213,16 @@ def _aids_beside_truth(
     if odometer is not None:
         nominal, true = odometer["metres_per_pulse"], {}
         if biases and "odometer" in biases:
-            x, y, z = biases["odometer"]["forward_b"]
+            x, y, z = forward_b = biases["odometer"]["forward_b"]
             scale = biases["odometer"]["metres_per_pulse"] / nominal - 1
             yaw, pitch = math.degrees(x / y), math.degrees(z / y)
-            true = {"scale_ppm": scale / PPM, "yaw_deg": yaw, "pitch_deg": pitch}
+            pivot = -float(np.dot(forward_b, biases["odometer"]["lever_arm_m"]))
+            true = {
+                "scale_ppm": scale / PPM,
+                "yaw_deg": yaw,
+                "pitch_deg": pitch,
+                "pivot_m": pivot,  # the reference point does not move sideways
+            }
         odometer = {
             key: found | {"true": _number(true[key]) if true else None}
             for key, found in odometer.items()

@@ -53,6 +53,7 @@ def hardware_summary(hardware: Hardware) -> JsonObject:
             "odometer": {
                 "metres_per_pulse": float(plant["odometer"]["metres_per_pulse"]),
                 "forward_b": plant["odometer"]["forward_b"].tolist(),
+                "lever_arm_m": plant["odometer"]["lever_arm"].tolist(),
             },
             "altimeter_m": float(plant["altimeter"]["bias"]),
         },

@@ -170,11 +170,19 @@ def test_a_case_that_once_failed_does_not(seed, number):
         (2182, {"accelerometers": {"scale_repeatability_ppm": 1000.0}}),
         (22, {"gyros": {"asymmetric_scale_error_ppm": 200.0}}),
         (22, {"gyros": {"bias_temperature_dph_per_k": 0.1}, "thermal": {"warm_up_k": 20.0}}),
+        (
+            1880,
+            {
+                "gyros": {"bias_repeatability_dph": 50.0},
+                "odometer": {"lever_arm_m": [0.0, -3.0, 0.0]},
+            },
+        ),
     ],
-    ids=["sensitivity", "scale", "asymmetry", "warm-up"],
+    ids=["sensitivity", "scale", "asymmetry", "warm-up", "wheel"],
 )
 def test_sigma_knows_of_the_errors_that_the_data_sheet_states(number, errors):
-    """Larger than the presets': what gravity makes a bias of, what adds up in turns, a drift."""
+    """Larger than the presets': what gravity makes a bias of, what adds up in turns, a drift,
+    biases that a wheel behind the body has to find."""
     drawn = cases.draw(11, number)
     kinds = {
         kind: getattr(drawn.scenario, kind).model_dump(exclude_unset=True) | changes

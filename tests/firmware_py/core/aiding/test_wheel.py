@@ -59,6 +59,24 @@ def test_the_wheel_moves_where_the_vehicle_turns_on_the_spot(tools, state):
     assert state.wheel.turned_b == pytest.approx(-0.5, abs=1e-5)
 
 
+def test_what_the_lever_arm_makes_is_known_apart(tools, state):
+    state.odometer.lever_arm_b = 2.0, -1.0, 0.5
+    drive(tools, state, (0.1, -0.2, 0.4), (0, 0, 0))
+    assert state.wheel.levered_b == pytest.approx(state.wheel.way_b, abs=1e-12)
+    assert np.linalg.norm(state.wheel.way_b) > 0.5
+
+
+def test_a_correction_of_the_attitude_does_not_move_the_wheel(tools, state):
+    state.odometer.lever_arm_b = 2.0, -1.0, 0.5
+    drive(tools, state, (0, 0, 0), (0, 0, 0), epochs=10)
+    state.ins.C_s_n = tools.exponential([0.0, 0.0, 0.02]) @ state.ins.C_s_n
+    wheel.turn_lever.py_func(state)
+    state.epoch += 1
+    wheel.follow.py_func(state)
+    assert state.wheel.way_b == pytest.approx(np.zeros(3), abs=1e-12)
+    assert state.wheel.turned_b == pytest.approx(0.0, abs=1e-12)
+
+
 def test_attitude_and_turn_add_up(tools, state):
     attitudes = drive(tools, state, (0.1, -0.2, 0.4), (0, 0, 0))
     assert state.wheel.attitude_b == pytest.approx(attitudes.sum(axis=0) * DT, abs=1e-12)

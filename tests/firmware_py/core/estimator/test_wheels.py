@@ -22,11 +22,14 @@ from rrins.firmware_py.core.records.estimator_records import (
 from rrins.firmware_py.core.records.memory import WHEEL_EPOCHS
 
 ODOMETER = BIASES + 8
-STATES = ODOMETER + 3
+STATES = ODOMETER + 4
 SECONDS = 1.2
 VELOCITY_N = np.array([12.0, 16.0, 0.4])
-LEARNED = np.array([0.01, -0.02, 0.015])
-"""Scale, yaw, pitch that the filter has found so far."""
+LEARNED = np.array([0.01, -0.02, 0.015, 1.5])
+"""Scale, yaw, pitch, pivot that the filter has found so far."""
+
+LEVERED_B, TURNED = np.array([0.4, 0.02, -0.01]), 0.3
+"""Way by the lever arm as the body turns (m), and that turn to the right (rad)."""
 
 LAG_S = 0.7
 SLOPES = np.random.default_rng(5).normal(size=(3, STATES)) * 9.8
@@ -52,7 +55,9 @@ def state(kit, attitude):
     estimator = state.estimator
     estimator.stretch_s = SECONDS
     estimator.stretch_m = TRAVELLED
-    estimator.stretch_b[:] = attitude.T @ VELOCITY_N * SECONDS
+    estimator.stretch_b[:] = attitude.T @ VELOCITY_N * SECONDS + LEVERED_B
+    estimator.levered_b[:] = LEVERED_B
+    estimator.stretch_turned = TURNED
     estimator.stretch_attitude[:] = attitude
     estimator.odometer[:] = LEARNED
     estimator.seconds[DONE], estimator.stretch_lag_s = 1.0, LAG_S
@@ -67,16 +72,17 @@ def innovation(tools, attitude, component, learned, x):
     """
     C_b_n = tools.exponential(x[ATTITUDE : ATTITUDE + 3]) @ attitude
     way_b = C_b_n.T @ (VELOCITY_N + x[VELOCITY : VELOCITY + 3] - LAG_S * SLOPES @ x) * SECONDS
-    scale, yaw, pitch = learned + x[ODOMETER:]
+    way_b += LEVERED_B  # as the sensors say, whatever the attitude
+    scale, yaw, pitch, pivot = learned + x[ODOMETER:]
     right, forward, up = tools.body_to_navigation(0.0, pitch, yaw).T @ way_b
     return {
         FORWARD: TRAVELLED * (1 + scale) - forward,
-        ACROSS: -right,
+        ACROSS: -right - pivot * TURNED,
         UPWARD: -up,
     }[component]
 
 
-@pytest.mark.parametrize("learned", [np.zeros(3), LEARNED], ids=["nothing", "learned"])
+@pytest.mark.parametrize("learned", [np.zeros(4), LEARNED], ids=["nothing", "learned"])
 @pytest.mark.parametrize("component", [FORWARD, ACROSS, UPWARD])
 def test_rows_are_derivatives_of_the_innovations(tools, state, attitude, component, learned):
     state.estimator.odometer[:] = learned
@@ -100,9 +106,9 @@ def test_the_noise_is_that_of_intervals_pulses_and_slip(state):
     intervals = SECONDS / 0.1
     pulses = 2 * 0.01**2 / 12
     assert forward == pytest.approx(math.sqrt(intervals * (0.02 * 0.1) ** 2 + pulses))
-    for component in (ACROSS, UPWARD):
+    for component, pivot in ((ACROSS, 0.3), (UPWARD, 2.0)):
         _, sigma = wheels.innovation.py_func(state, component)
-        assert sigma == pytest.approx(0.05 * SECONDS)
+        assert sigma == pytest.approx(math.hypot(0.05 * SECONDS, pivot * TURNED))
 
 
 class Stretches:
