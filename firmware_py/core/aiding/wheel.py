@@ -17,7 +17,7 @@ from rrins.firmware_py.core.records.memory import WHEEL_EPOCHS, Odometer, Ram, W
 RIGHT_AXIS, FORWARD_AXIS, UP_AXIS = 0, 1, 2
 """Axes of the body."""
 
-WAY, ATTITUDE_B, TURNED_B, LEVERED = 0, 3, 12, 13
+WAY, ATTITUDE_B, TURNED_B, LEVER_WAY = 0, 3, 12, 13
 """First column of each in a row of `Wheel.track`."""
 
 SCALE_SIGMA = 0.01
@@ -60,7 +60,7 @@ def follow(state: Ram) -> None:
     row = wheel.track[state.epoch % WHEEL_EPOCHS]
     for i in range(3):
         row[WAY + i] = wheel.way_b[i]
-        row[LEVERED + i] = wheel.levered_b[i]
+        row[LEVER_WAY + i] = wheel.lever_way_b[i]
         for k in range(3):
             row[ATTITUDE_B + 3 * i + k] = wheel.attitude_b[i, k]
     row[TURNED_B] = wheel.turned_b
@@ -74,7 +74,7 @@ def _begin(state: Ram) -> None:
     turn_lever(state)
     for i in range(3):
         wheel.way_b[i] = 0.0
-        wheel.levered_b[i] = 0.0
+        wheel.lever_way_b[i] = 0.0
         for k in range(3):
             wheel.attitude_b[i, k] = 0.0
 
@@ -101,23 +101,19 @@ def _add(state: Ram, dt: float) -> None:
     for i in range(3):
         wheel.moved_n[i] += wheel.lever_n[i]
         wheel.turned_b += wheel.right_n[i] * C_b_n[i, FORWARD_AXIS]
-    for k in range(3):
-        wheel.levered_b[k] += (
-            C_b_n[0, k] * wheel.moved_n[0]
-            + C_b_n[1, k] * wheel.moved_n[1]
-            + C_b_n[2, k] * wheel.moved_n[2]
-        )
+    _add_along(wheel.lever_way_b, C_b_n, wheel.moved_n)
     for i in range(3):
         middle = ins.velocity_n[i] - 0.5 * ins.velocity_change_n[i]
         wheel.moved_n[i] += middle * dt
-    for k in range(3):
-        wheel.way_b[k] += (
-            C_b_n[0, k] * wheel.moved_n[0]
-            + C_b_n[1, k] * wheel.moved_n[1]
-            + C_b_n[2, k] * wheel.moved_n[2]
-        )
-        for i in range(3):
+        for k in range(3):
             wheel.attitude_b[i, k] += C_b_n[i, k] * dt
+    _add_along(wheel.way_b, C_b_n, wheel.moved_n)
+
+
+@compiled
+def _add_along(way_b: Floats, C_b_n: Floats, moved_n: Floats) -> None:
+    for k in range(3):
+        way_b[k] += C_b_n[0, k] * moved_n[0] + C_b_n[1, k] * moved_n[1] + C_b_n[2, k] * moved_n[2]
 
 
 @compiled

@@ -68,7 +68,7 @@ def finish_second(state: Ram) -> None:
         end, start = track[now % WHEEL_EPOCHS], track[before % WHEEL_EPOCHS]
         for i in range(3):
             estimator.stretch_b[i] = end[wheel.WAY + i] - start[wheel.WAY + i]
-            estimator.levered_b[i] = end[wheel.LEVERED + i] - start[wheel.LEVERED + i]
+            estimator.lever_way_b[i] = end[wheel.LEVER_WAY + i] - start[wheel.LEVER_WAY + i]
             for k in range(3):
                 at = wheel.ATTITUDE_B + 3 * i + k
                 estimator.stretch_attitude[i, k] = (end[at] - start[at]) / seconds
@@ -106,7 +106,7 @@ def correct(state: Ram) -> None:
     if estimator.waiting >> (COMPONENTS * _ODOMETER) & _EVERY == 0:
         return
     for i in range(3):
-        estimator.velocity_way[i] = estimator.stretch_b[i] - estimator.levered_b[i]
+        estimator.velocity_way[i] = estimator.stretch_b[i] - estimator.lever_way_b[i]
     for axis in range(3):
         row[: estimator.states] = 0.0
         _fill_row(state, estimator.stretch_attitude, axis)
@@ -184,7 +184,7 @@ def _turn_to_vehicle(estimator: Estimator) -> None:
     C_b_v[FORWARD_AXIS, 2] = sp
     C_b_v[UP_AXIS, 0], C_b_v[UP_AXIS, 1], C_b_v[UP_AXIS, 2] = -sy * sp, -cy * sp, cp
     attitude.rotate(estimator.vehicle_way, C_b_v, estimator.stretch_b)
-    attitude.rotate(estimator.velocity_way, C_b_v, estimator.levered_b)
+    attitude.rotate(estimator.velocity_way, C_b_v, estimator.lever_way_b)
     for i in range(3):
         estimator.velocity_way[i] = estimator.vehicle_way[i] - estimator.velocity_way[i]
     attitude.multiply_transposed(estimator.vehicle_attitude, estimator.stretch_attitude, C_b_v)

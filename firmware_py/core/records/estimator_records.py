@@ -278,11 +278,11 @@ class Estimator(Record):
     stretch_lag_s: F8  #: from its middle to where the filter stands
     stretch_turned: F8  #: rad, about up
     stretch_b: Annotated[Floats, 3]  #: m, the same by the navigation
-    levered_b: Annotated[Floats, 3]  #: m, of that by the lever arm, which turns
+    lever_way_b: Annotated[Floats, 3]  #: m, of that by the lever arm, which turns
     stretch_attitude: Annotated[Floats, (3, 3)]  #: C_b_n, its mean over the stretch
     C_b_v: Annotated[Floats, (3, 3)]  #: axes of the vehicle: right, forward, up
     vehicle_way: Annotated[Floats, 3]  #: `stretch_b` along these
-    velocity_way: Annotated[Floats, 3]  #: along these or the body's, without `levered_b`
+    velocity_way: Annotated[Floats, 3]  #: along these or the body's, without `lever_way_b`
     vehicle_attitude: Annotated[Floats, (3, 3)]  #: C_v_n of the stretch
     sources: Annotated[Records[Source], AIDS]  #: by `Aid`
     # What is told.

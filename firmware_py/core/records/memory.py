@@ -193,11 +193,11 @@ class Wheel(Record):
     """The odometer's wheel: its way by the navigation, since the strapdown began."""
 
     way_b: Annotated[Floats, 3]  #: m, along the axes of the body
-    levered_b: Annotated[Floats, 3]  #: m, of that by the lever arm, which turns
+    lever_way_b: Annotated[Floats, 3]  #: m, of that by the lever arm, which turns
     attitude_b: Annotated[Floats, (3, 3)]  #: s, integral of C_b_n
     lever_n: Annotated[Floats, 3]  #: m, from the reference point to the wheel
     turned_b: F8  #: rad, to the right
-    track: Annotated[Floats, (WHEEL_EPOCHS, 16)]  #: these, `turned_b` before `levered_b`, a ring
+    track: Annotated[Floats, (WHEEL_EPOCHS, 16)]  #: these, `turned_b` before `lever_way_b`, a ring
     first: I8  #: epoch from which on the ring is whole
     last: I8  #: epoch, of the ring
     moved_n: Annotated[Floats, 3]  #: m, in this epoch, scratch

@@ -50,7 +50,7 @@ STRETCH_WAY, STRETCH_ATTITUDE = 40, 43
 DISTANCE_VARIANCE, SLIP_VARIANCE = 52, 53
 """Of the distance and of the way across (m²); 0: no stretch."""
 
-STRETCH_LEVERED = 59
+STRETCH_LEVER_WAY = 59
 """Of the way by the navigation, what the lever arm makes as it turns (m)."""
 
 UNSURE, UNSURE_BIAS = 54, 57

@@ -164,7 +164,7 @@ def _measure_stretch(state: Ram, one: Hypothesis, block: Floats, uses: bool) -> 
     seconds, row, fits = block[others + blocks.STRETCH_S], bank.row, True
     for i in range(3):
         bank.way_b[i] = block[others + blocks.STRETCH_WAY + i]
-        bank.velocity_way_b[i] = bank.way_b[i] - block[others + blocks.STRETCH_LEVERED + i]
+        bank.velocity_way_b[i] = bank.way_b[i] - block[others + blocks.STRETCH_LEVER_WAY + i]
         for k in range(3):
             integral = block[others + blocks.STRETCH_ATTITUDE + 3 * i + k]
             bank.attitude_b[i, k] = integral / seconds

@@ -143,7 +143,9 @@ def _keep_stretch(state: Ram) -> None:
     end, start = track[now % WHEEL_EPOCHS], track[before % WHEEL_EPOCHS]
     for k in range(3):
         stretch[blocks.STRETCH_WAY + k] = end[wheel.WAY + k] - start[wheel.WAY + k]
-        stretch[blocks.STRETCH_LEVERED + k] = end[wheel.LEVERED + k] - start[wheel.LEVERED + k]
+        stretch[blocks.STRETCH_LEVER_WAY + k] = (
+            end[wheel.LEVER_WAY + k] - start[wheel.LEVER_WAY + k]
+        )
     for k in range(9):
         at = wheel.ATTITUDE_B + k
         stretch[blocks.STRETCH_ATTITUDE + k] = end[at] - start[at]

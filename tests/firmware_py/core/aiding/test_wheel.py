@@ -62,7 +62,7 @@ def test_the_wheel_moves_where_the_vehicle_turns_on_the_spot(tools, state):
 def test_what_the_lever_arm_makes_is_known_apart(tools, state):
     state.odometer.lever_arm_b = 2.0, -1.0, 0.5
     drive(tools, state, (0.1, -0.2, 0.4), (0, 0, 0))
-    assert state.wheel.levered_b == pytest.approx(state.wheel.way_b, abs=1e-12)
+    assert state.wheel.lever_way_b == pytest.approx(state.wheel.way_b, abs=1e-12)
     assert np.linalg.norm(state.wheel.way_b) > 0.5
 
 

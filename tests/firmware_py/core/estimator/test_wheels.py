@@ -28,7 +28,7 @@ VELOCITY_N = np.array([12.0, 16.0, 0.4])
 LEARNED = np.array([0.01, -0.02, 0.015, 1.5])
 """Scale, yaw, pitch, pivot that the filter has found so far."""
 
-LEVERED_B, TURNED = np.array([0.4, 0.02, -0.01]), 0.3
+LEVER_WAY_B, TURNED = np.array([0.4, 0.02, -0.01]), 0.3
 """Way by the lever arm as the body turns (m), and that turn to the right (rad)."""
 
 LAG_S = 0.7
@@ -55,8 +55,8 @@ def state(kit, attitude):
     estimator = state.estimator
     estimator.stretch_s = SECONDS
     estimator.stretch_m = TRAVELLED
-    estimator.stretch_b[:] = attitude.T @ VELOCITY_N * SECONDS + LEVERED_B
-    estimator.levered_b[:] = LEVERED_B
+    estimator.stretch_b[:] = attitude.T @ VELOCITY_N * SECONDS + LEVER_WAY_B
+    estimator.lever_way_b[:] = LEVER_WAY_B
     estimator.stretch_turned = TURNED
     estimator.stretch_attitude[:] = attitude
     estimator.odometer[:] = LEARNED
@@ -72,7 +72,7 @@ def innovation(tools, attitude, component, learned, x):
     """
     C_b_n = tools.exponential(x[ATTITUDE : ATTITUDE + 3]) @ attitude
     way_b = C_b_n.T @ (VELOCITY_N + x[VELOCITY : VELOCITY + 3] - LAG_S * SLOPES @ x) * SECONDS
-    way_b += LEVERED_B  # as the sensors say, whatever the attitude
+    way_b += LEVER_WAY_B  # as the sensors say, whatever the attitude
     scale, yaw, pitch, pivot = learned + x[ODOMETER:]
     right, forward, up = tools.body_to_navigation(0.0, pitch, yaw).T @ way_b
     return {
