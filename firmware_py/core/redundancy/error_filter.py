@@ -58,13 +58,13 @@ def begin(one: Hypothesis, gyros: Parity, accelerometers: Parity, block: Floats)
     """Begin before a block, of which this is what is not by sensor."""
     one.x[:] = 0.0
     one.P[:] = 0.0
+    unsure_turn, unsure_change = block[blocks.UNSURE_BIAS], block[blocks.UNSURE_BIAS + 1]
     for i in range(3):
         level = _LEVEL if i < 2 else _HEADING
         one.P[ATTITUDE + i, ATTITUDE + i] = max(level**2, block[blocks.UNSURE + i])
         one.P[VELOCITY + i, VELOCITY + i] = _VELOCITY**2
-        unsure = block[blocks.UNSURE_BIAS], block[blocks.UNSURE_BIAS + 1]
-        one.P[TURN + i, TURN + i] = max(gyros.bias_variance, unsure[GYROS])
-        one.P[CHANGE + i, CHANGE + i] = max(accelerometers.bias_variance, unsure[ACCELEROMETERS])
+        one.P[TURN + i, TURN + i] = max(gyros.bias_variance, unsure_turn)
+        one.P[CHANGE + i, CHANGE + i] = max(accelerometers.bias_variance, unsure_change)
     distrust_wheel(one)
 
 

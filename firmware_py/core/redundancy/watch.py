@@ -411,12 +411,14 @@ def watch(state: Ram, navigating: bool, aligning: bool) -> None:
         standing.note_velocity(state)
     if navigating:
         dt = state.parameters.period_ns * 1e-9
-        blocks.note_feedback(history, state.estimator.fed_back)
+        if state.estimator.enabled:
+            blocks.note_feedback(history, state.estimator.fed_back)
         blocks.note_motion(history, state.ins, state.dtheta_s, state.dv_s, dt)
         reference.follow(state)
         if redundancy.epochs == 0:
             blocks.close(history, state.epoch)
-            blocks.note_unsure(state)
+            if state.estimator.enabled:
+                blocks.note_unsure(state)
     parity, fusion, controlled = redundancy.gyros, state.gyros, diagnostics.excluded_gyros
     stuck, absent = diagnostics.gyro_repetition.stuck, assembly.gyro_absent
     unusable, measured = assembly.received & ~assembly.gyro_usable, assembly.gyro_dtheta
