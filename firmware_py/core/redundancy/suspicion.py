@@ -46,6 +46,12 @@ def begin(state: Ram) -> None:
 
 
 @compiled
+def lasts(state: Ram, kind: int) -> bool:
+    """Return whether the fault of an alarm that nothing has resolved may still be there."""
+    return bool(state.epoch < state.redundancy.suspicion.until[kind])
+
+
+@compiled
 def _since_s(state: Ram, parity: Parity) -> float:
     """Return for how many seconds the fault may have lasted, at most."""
     seconds = float(WINDOWS_S[windows.begun_level(parity, 0.0)])
@@ -104,7 +110,7 @@ def _update(state: Ram, parity: Parity) -> None:
     suspicion, kind = state.redundancy.suspicion, int(parity.kind)
     if not parity.alarm or not parity.redundant or suspicion.active:
         return
-    anew = state.epoch >= suspicion.until[kind]
+    anew = not lasts(state, kind)
     suspicion.until[kind] = state.epoch + LASTS_S * state.redundancy.second_epochs
     if _measure(state, parity) or anew:
         _suspect(state, parity, anew)
@@ -114,7 +120,7 @@ def _update(state: Ram, parity: Parity) -> None:
 def was_aided(state: Ram, kind: int, seconds: float) -> bool:
     """Return whether a measurement was used since the fault began: it has changed its effect."""
     estimator, redundancy = state.estimator, state.redundancy
-    if state.epoch < redundancy.suspicion.until[kind]:
+    if lasts(state, kind):
         return estimator.unaided[kind] == 0
     longest = repair.longer(redundancy.repair, seconds) * redundancy.second_epochs
     return bool(estimator.aided_epoch >= 0 and state.epoch - estimator.aided_epoch <= longest)
@@ -129,7 +135,7 @@ def settle(state: Ram, parity: Parity, sensor: int, seconds: float) -> bool:
     suspicion, estimator, kind = state.redundancy.suspicion, state.estimator, int(parity.kind)
     if not estimator.running:
         return False
-    is_told = state.epoch < suspicion.until[kind]
+    is_told = lasts(state, kind)
     aided = was_aided(state, kind, seconds)
     if not (aided or is_told):
         return False

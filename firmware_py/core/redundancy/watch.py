@@ -140,7 +140,8 @@ def close_second(state: Ram, parity: Parity, fusion: Fusion) -> tuple[int, int]:
         parity.ratio = windows.close_second(parity, count, regressors)
         known = 2 * parity.known_epochs > parity.used_epochs and not standing.is_driven(state)
         even = bool(redundancy.turns_evenly)
-        if standing.close_second(parity, fusion, regressors, known, slow, even):
+        learns = slow and not suspicion.lasts(state, int(parity.kind))
+        if standing.close_second(parity, fusion, regressors, known, learns, even):
             redundancy.moved = True
             if parity.kind == ACCELEROMETERS:  # its attitude errs otherwise now
                 standing.forget(parity)
