@@ -37,9 +37,15 @@ _VARIES, _AT_ENDS_S = 0.1, 2.0
 """Of a fault's size: by how much it may differ from what the parity showed last; and for how long
 it may have acted less, in the seconds in which it began and was left out."""
 
+_ANOTHER = 0.5
+"""Change of a fault, in its size then, from which on it is another one."""
+
 _MOST_LEFT, _FIXES, _SLOW = 3.0, 36, 0.1
 """Standard deviations of the mean of as many measurements, at most, that an error may have which
 they did not show; and m/s, of the velocity that odometer or zero velocity measure."""
+
+UNKNOWN = math.pi / math.sqrt(3.0)
+"""rad, standard deviation of an angle of which nothing is known."""
 
 _JOLT_S = 3
 """Seconds for which a measurement may cover the time at which a fault was told, or settled."""
@@ -58,6 +64,8 @@ def begin(estimator: Estimator) -> None:
     estimator.doubted_epoch = -1
     estimator.unaided[:] = 0
     estimator.doubt_variance[:] = 0.0
+    estimator.change[:] = 0.0
+    estimator.kept_size[:] = 0.0
 
 
 @compiled
@@ -201,6 +209,47 @@ def propagate(state: Ram) -> None:
 
 
 @compiled
+def change(state: Ram) -> None:
+    """Let the biases in doubt change as the fault did; note those of sensors that cannot be spared.
+
+    A fault that has become much larger or smaller, or has ended, is another one: the biases are
+    what they were before, and that, and they do not tell what the former has done. Where nothing
+    has aided they wait for the history to be repaired.
+    """
+    estimator, P = state.estimator, state.estimator.P
+    for kind in range(2):
+        first, count = _first(state, kind)
+        for k in range(count):
+            at, changed = first + k, estimator.change[kind, k]
+            estimator.change[kind, k] = 0.0
+            if changed > 0.0 and estimator.unaided[kind] == 0:
+                if changed > _ANOTHER * estimator.changed_size[kind, k]:
+                    _begin_anew(state, kind, k, at)
+                else:
+                    P[at, at] += changed * changed
+                    estimator.doubt_variance[kind, k] += changed * changed
+            kept = estimator.kept_size[kind, k]
+            estimator.kept_size[kind, k] = 0.0
+            if kept > 0.0:
+                P[at, at] = max(P[at, at], kept * kept)
+                estimator.doubted_epoch = state.epoch
+
+
+@compiled
+def _begin_anew(state: Ram, kind: int, k: int, at: int) -> None:
+    """Know of a bias what was known before the fault, but for the fault's size now."""
+    estimator, P = state.estimator, state.estimator.P
+    known = estimator.gyro_bias[k] if kind == GYROS else estimator.accelerometer_bias[k]
+    estimator.x[at] = estimator.bias_before[kind, k] - known
+    size = estimator.changed_size[kind, k]
+    for i in range(estimator.states):
+        P[at, i] = 0.0
+        P[i, at] = 0.0
+    P[at, at] = estimator.variance_before[kind, k] + size * size
+    estimator.doubt_variance[kind, k] = size * size
+
+
+@compiled
 def take_height(estimator: Estimator, innovation: float, expected: float) -> bool:
     """Take an altimeter's height while terms wait; return whether one does.
 
@@ -253,7 +302,7 @@ def settle(state: Ram) -> None:
     for kind in range(2):
         if estimator.settles >> kind & 1 == 0:
             continue
-        first, count = _first(state, kind)
+        _, count = _first(state, kind)
         for k in range(count):
             if estimator.doubt_variance[kind, k] == 0.0:
                 continue
@@ -261,8 +310,14 @@ def settle(state: Ram) -> None:
                 _along(state, kind, k, -1.0)
                 if k == estimator.settled_sensor[kind]:
                     _repair_height(estimator, kind, k)
+            elif k == estimator.settled_sensor[kind]:
+                value = estimator.settled_value[kind]
+                seconds = (state.epoch - estimator.told_epoch[kind]) / estimator.second_epochs
+                varies = _VARIES + min(1.0, _AT_ENDS_S / max(1.0, seconds))
+                spread = estimator.settled_sigma[kind] ** 2 + (varies * value) ** 2
+                _remember(state, kind, k, value, spread)
             else:
-                _remember(state, kind, k, first + k)
+                _remember(state, kind, k, 0.0, 0.0)
             estimator.doubt_variance[kind, k] = 0.0
         estimator.unaided[kind] = 0
     estimator.settles = 0
@@ -270,24 +325,20 @@ def settle(state: Ram) -> None:
 
 
 @compiled
-def _remember(state: Ram, kind: int, k: int, at: int) -> None:
-    """Measure a bias by what it was; that of the sensor that is left out has jumped since."""
-    estimator, before = state.estimator, state.estimator.variance_before[kind, k]
-    added = estimator.doubt_variance[kind, k]
-    variance = before * (before + added) / added
+def _remember(state: Ram, kind: int, k: int, jump: float, spread: float) -> None:
+    """Measure a bias by what it was before the fault, with its jump since and the jump's variance.
+
+    A bias that has not jumped is then known as well as before.
+    """
+    estimator, at = state.estimator, _first(state, kind)[0] + k
+    before, added = estimator.variance_before[kind, k], estimator.doubt_variance[kind, k]
+    variance = before * (before + added) / added + spread
     known = estimator.gyro_bias[k] if kind == GYROS else estimator.accelerometer_bias[k]
-    innovation = estimator.bias_before[kind, k] - known
-    if k == estimator.settled_sensor[kind]:
-        value = estimator.settled_value[kind]
-        innovation += value
-        seconds = (state.epoch - estimator.told_epoch[kind]) / estimator.second_epochs
-        varies = _VARIES + min(1.0, _AT_ENDS_S / max(1.0, seconds))
-        variance += estimator.settled_sigma[kind] ** 2 + (varies * value) ** 2
     row = estimator.row
     row[:] = 0.0
     row[at] = 1.0
     x, P, n = estimator.x, estimator.P, estimator.states
-    innovation -= x[at]
+    innovation = estimator.bias_before[kind, k] + jump - known - x[at]
     expected = covariance.expect(P, n, row, variance, estimator.gain)
     covariance.update(x, P, n, estimator.gain, innovation, expected)
 
@@ -303,7 +354,21 @@ def bend(state: Ram) -> None:
         return
     neglected = 0.5 * (x[ATTITUDE] ** 2 + x[ATTITUDE + 1] ** 2 + x[ATTITUDE + 2] ** 2)
     for i in range(3):
-        P[ATTITUDE + i, ATTITUDE + i] += neglected**2
+        known = P[ATTITUDE + i, ATTITUDE + i]
+        P[ATTITUDE + i, ATTITUDE + i] += min(neglected**2, max(0.0, UNKNOWN**2 - known))
+
+
+@compiled
+def confine(estimator: Estimator) -> None:
+    """Let no angle be less known than not at all; correlations stay, also those of `gain`."""
+    P = estimator.P
+    for i in range(ATTITUDE, ATTITUDE + 3):
+        sigma = math.sqrt(P[i, i])
+        if sigma > UNKNOWN:
+            estimator.gain[i] *= UNKNOWN / sigma
+            for k in range(estimator.states):
+                P[i, k] *= UNKNOWN / sigma
+                P[k, i] *= UNKNOWN / sigma
 
 
 @compiled

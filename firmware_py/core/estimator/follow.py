@@ -217,6 +217,8 @@ def _work(state: Ram) -> None:
             receiver.propagate(estimator)
     elif estimator.stage == _NOISE:
         propagation.add_noise(state)
+        doubt.change(state)
+        doubt.confine(estimator)
         if estimator.settles != 0:
             doubt.settle(state)
         _note_sigma(estimator)

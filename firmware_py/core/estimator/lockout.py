@@ -12,8 +12,10 @@ import math
 
 from rrins.compiled.compilation import compiled
 from rrins.firmware_py.core.estimator import agreement, doubt, refusals
+from rrins.firmware_py.core.maths import earth
 from rrins.firmware_py.core.records.estimator_records import (
     BIASES,
+    LATITUDE,
     NO_TRUST,
     VELOCITY,
     Aid,
@@ -26,6 +28,9 @@ PATIENCE_S = 120
 
 _LARGEST_ATTITUDE = 0.2
 """rad, of attitude's sigma: the filter is linear."""
+
+_ALONE = 0.5
+"""Share of a variance that is missing which goes to what is measured alone."""
 
 _ZERO_VELOCITY, _KNOWN_POSITION = int(Aid.ZERO_VELOCITY), int(Aid.KNOWN_POSITION)
 _GNSS_POSITION, _GNSS_VELOCITY = int(Aid.GNSS_POSITION), int(Aid.GNSS_VELOCITY)
@@ -57,10 +62,14 @@ def follow(state: Ram) -> None:
         estimator.locked_s = 0
     elif rejects:
         estimator.locked_s += 1
+    odometer = estimator.sources[_ODOMETER]
+    if velocity.distrust >= NO_TRUST and odometer.distrust >= NO_TRUST:
+        estimator.doubted_epoch = state.epoch  # two against one
     if estimator.locked_s >= PATIENCE_S and excess > 1.0:
         _open(state, math.sqrt(excess))
         refusals.believe_all(state.integrity)
         estimator.locked_s = 0
+        estimator.doubted_epoch = state.epoch
         agreement.begin(estimator)
         estimator.reopened = True
         estimator.reopenings += 1
@@ -104,25 +113,57 @@ def _open(state: Ram, factor: float) -> None:
 
 
 @compiled
-def open_along(estimator: Estimator, innovation: float, expected: float) -> float:
-    """Widen P along what a measurement depends on until its innovation is as expected; return that.
+def open_along(estimator: Estimator, innovation: float, expected: float, since_s: float) -> float:
+    """Widen P until the innovation of a measurement is as expected; return its variance then.
 
     For a sensor's fault that explains why it is rejected: of this measurement alone, and at once.
-    Of the navigation's errors only: ``P + c g gᵀ`` with their part g of ``P rowᵀ``, which
-    `estimator.gain` is; `expected` is the variance of the innovation.
+    A half of what is missing goes along what it depends on, of velocity and position:
+    ``P + c g gᵀ`` with their part g of ``P rowᵀ``, which `estimator.gain` is. The other half goes
+    to what is measured alone, lest positions and velocities correct the same direction back and
+    forth. Level velocities are off by tilts `since_s` before they were last used: so much less is
+    the attitude known. `expected` is the variance of the innovation.
     """
     P, gain, row = estimator.P, estimator.gain, estimator.row
-    along = 0.0
-    for i in range(BIASES):
+    along, square = 0.0, 0.0
+    for i in range(VELOCITY, BIASES):
         along += gain[i] * row[i]
-    if along <= 0.0:
+    first, last = _measured(estimator)
+    for i in range(first, last):
+        square += row[i] * row[i]
+    missing = innovation * innovation - expected
+    if along <= 0.0 or square <= 0.0 or missing <= 0.0:
         return expected
-    more = (innovation * innovation - expected) / along**2
-    for i in range(BIASES):
-        for k in range(BIASES):
+    alone, more = _ALONE * missing / square, (1.0 - _ALONE) * missing / along**2
+    for i in range(VELOCITY, BIASES):
+        for k in range(VELOCITY, BIASES):
             P[i, k] += more * gain[i] * gain[k]
-    for i in range(BIASES):
+    for i in range(VELOCITY, BIASES):
         gain[i] *= 1.0 + more * along
+    for i in range(first, last):
+        for k in range(first, last):
+            P[i, k] += alone * row[i] * row[k] / square
+        gain[i] += alone * row[i]
+    if last <= LATITUDE:
+        level = row[VELOCITY] ** 2 + row[VELOCITY + 1] ** 2
+        tilted = alone * level / square / (earth.GRAVITY_EQUATOR * max(1.0, since_s)) ** 2
+        for i in range(VELOCITY):
+            P[i, i] += min(tilted, max(0.0, doubt.UNKNOWN**2 - P[i, i]))
+    doubt.confine(estimator)
     estimator.reopened = True
     estimator.reopenings += 1
     return innovation * innovation
+
+
+@compiled
+def _measured(estimator: Estimator) -> tuple[int, int]:
+    """Return the states from the first to before the last that a measurement depends on most.
+
+    Those of the velocity, or one of the position; none where it depends on neither.
+    """
+    P, row, most, own = estimator.P, estimator.row, 0.0, BIASES
+    for i in range(VELOCITY, BIASES):
+        if row[i] * row[i] * P[i, i] > most:
+            most, own = row[i] * row[i] * P[i, i], i
+    if own < LATITUDE:
+        return VELOCITY, LATITUDE
+    return own, min(own + 1, BIASES)

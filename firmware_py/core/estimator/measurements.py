@@ -81,6 +81,7 @@ def begin(state: Ram) -> None:
     for aid in range(AIDS):
         source = estimator.sources[aid]
         source.used = 0
+        source.used_epoch = state.epoch
         source.rejected = 0
         source.rejected_in_a_row = 0
         source.distrust = 0
@@ -248,7 +249,10 @@ def _judge(state: Ram, aid: int, component: int, innovation: float, sigma: float
             if aid == _ALTIMETER:
                 heights.refuse(state, innovation)
             return False
-        expected = lockout.open_along(estimator, innovation, expected)
+        since_s = (state.epoch - source.used_epoch) / estimator.second_epochs
+        expected = lockout.open_along(estimator, innovation, expected, since_s)
+        if not (state.redundancy.gyros.redundant and state.redundancy.accelerometers.redundant):
+            estimator.doubted_epoch = state.epoch  # nothing else would tell of another fault
         square = 1.0
         if state.integrity.enabled:
             refusals.believe_all(state.integrity)
@@ -264,6 +268,7 @@ def _judge(state: Ram, aid: int, component: int, innovation: float, sigma: float
     if aid == _GNSS_POSITION and component == COMPONENTS - 1:
         estimator.fix_height_epoch = state.epoch
     source.used += 1
+    source.used_epoch = state.epoch
     source.distrust = max(0, source.distrust - 1)
     source.rejected_in_a_row = 0
     source.squares += square

@@ -97,6 +97,7 @@ class Source(Record):
     used: I8  #: scalars
     rejected: I8  #: scalars that failed the gate
     rejected_in_a_row: I8  #: of these, without one that passed
+    used_epoch: I8  #: of the last one that passed
     distrust: I8  #: rises by 3 with each that is rejected, falls by 1 with each that is used
     squares: F8  #: sum of the innovations' squares over their variance, of those used
 
@@ -150,6 +151,9 @@ class Estimator(Record):
     doubt_epoch: I8  #: since which it may have lasted
     doubt_effect: Annotated[Floats, (SENSOR_GROUPS, BIASES)]  #: on the navigation until now
     doubt_size: Annotated[Floats, SENSOR_GROUPS]  #: rad/s, m/s², 0: not suspected
+    change: Annotated[Floats, (2, SENSOR_GROUPS)]  #: rad/s, m/s², of a fault since it was told
+    changed_size: Annotated[Floats, (2, SENSOR_GROUPS)]  #: rad/s, m/s², of one that has changed
+    kept_size: Annotated[Floats, (2, SENSOR_GROUPS)]  #: rad/s, m/s², of one that fails and is used
     doubt_variance: Annotated[Floats, (2, SENSOR_GROUPS)]  #: added to that of the bias
     doubted_epoch: I8  #: of the last change of these; -1: none
     jolt: F8  #: m/s², change of force by a fault of an accelerometer

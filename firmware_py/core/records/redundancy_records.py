@@ -281,8 +281,6 @@ class Parity(Record):
     alarm_shown: Bool  #: whether the parity was beyond its threshold in it
     persistent: I8  #: seconds for which the same sensors have seemed to fail at standstill
     persistent_sensors: I8  #: which, one bit each
-    unexplained: Annotated[Floats, SENSOR_GROUPS]  #: by one alone, of the seconds in an alarm
-    unexplained_free: I8  #: their degrees of freedom
     apart: I8  #: seconds for which all sensors at standstill have been far from the expectation
     frozen: I8  #: seconds since learning stopped, for a test is pending
     fits_from: I8  #: second from which on windows are fitted: `ahead` knows of no fault before it
@@ -337,6 +335,7 @@ class Suspicion(Record):
     kind: I8
     anew: Bool  #: a new fault, and not one that has grown
     at: I8  #: next block
+    last: I8  #: block that is waited for, -1: none
     begun_epoch: I8  #: since which the fault may have lasted
     x: Annotated[Floats, (SENSOR_GROUPS, NAVIGATION_STATES)]  #: to add without the sensor
     height: Annotated[Floats, SENSOR_GROUPS]  #: m, the same
@@ -344,6 +343,8 @@ class Suspicion(Record):
     told: Annotated[Floats, (2, SENSOR_GROUPS)]  #: rad/s, m/s², the largest size of this fault
     value: Annotated[Floats, (2, SENSOR_GROUPS)]  #: rad/s, m/s², of the fault, by kind
     sigma: Annotated[Floats, (2, SENSOR_GROUPS)]  #: of the value
+    shown: Annotated[Floats, (2, SENSOR_GROUPS)]  #: value as it was when it last changed
+    shown_epoch: Annotated[Integers, 2]
     fault_size: Annotated[Floats, (2, SENSOR_GROUPS)]  #: it may have, with the value's sign
 
 

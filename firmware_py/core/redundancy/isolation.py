@@ -41,6 +41,9 @@ _SWAYS_S = 8
 """Seconds that fit neither a standstill nor a fault, after which the vehicle may lie on waves: then
 a fault has to last, too."""
 
+_CALM_S, _CLEAR = 30, 3.0 * RATIO
+"""Seconds of standstill before which a fault has to be clearer, or to last: waves begin slowly."""
+
 _LEAST = 1e-60
 """Of a variance that is zero: no noise, or an expectation without an error."""
 
@@ -103,11 +106,13 @@ def _rival(parity: Parity, n: int, sensors: int, two: bool) -> float:
 
 
 @compiled
-def _decide(parity: Parity, n: int, free: int, whole: float, by_motion: float) -> tuple[int, float]:
+def _decide(
+    parity: Parity, n: int, free: int, whole: float, by_motion: float, ratio: float
+) -> tuple[int, float]:
     """Return which of the compared sensors fail, one bit each, and the chi-square they explain.
 
     0 where it is not clear: where another hypothesis, or a motion of the vehicle, which explains
-    `by_motion` of the chi-square `whole`, explains nearly as much, or much is left unexplained.
+    `by_motion` of the chi-square `whole`, explains nearly as much, by `ratio`, or much is left.
     The residuals have `free` degrees of freedom. Of fewer than three, any two sensors explain all.
     """
     for size in range(1, 3 if n > _VECTOR + 1 else 2):
@@ -115,7 +120,7 @@ def _decide(parity: Parity, n: int, free: int, whole: float, by_motion: float) -
         rest, left = whole - explained, free - size
         if left < 1 or rest - left > _REST * math.sqrt(2.0 * left):
             continue
-        if explained - _rival(parity, n, sensors, free > 2) > RATIO:
+        if explained - _rival(parity, n, sensors, free > 2) > ratio:
             wanted = MOTION * max(1, n - _VECTOR)
             return (sensors, explained) if explained - by_motion > wanted else (0, 0.0)
     return 0, 0.0
@@ -151,7 +156,7 @@ def by_parity(parity: Parity, count: int) -> int:
                     else 0.0
                 )
                 parity.matrix[i, k] = 1.0 if i == k else share
-        sensors, explained = _decide(parity, count, round(rank), whole, 0.0)
+        sensors, explained = _decide(parity, count, round(rank), whole, 0.0, RATIO)
         if sensors != 0 and explained > parity.second_factor**2:
             return sensors
     return 0
@@ -329,13 +334,12 @@ def standing(parity: Parity, fusion: Fusion, moved: bool, slow: bool, at_once: b
     it has to last and that to have an alarm once the vehicle has moved, for it may creep, and
     unless the navigated velocity says that it stands (`slow`): a smooth cruise looks the same. So
     it has to if an alarm has been there for some time already (not `at_once`): noise in one sensor
-    and a slight motion look like another's fault now and then. Of two that fail, the parity has to
-    have an alarm in any case.
+    and a slight motion look like another's fault now and then. If the vehicle has not stood for
+    long it has to, or to be clearer. Of two that fail, the parity has to have an alarm in any case.
     """
     if (moved or not slow) and not parity.redundant:
         return 0
-    found, is_apart = _standing(parity, fusion)
-    _note_unexplained(parity, fusion)
+    found, is_apart = _standing(parity, fusion, RATIO)
     if found == 0 or found != parity.persistent_sensors:
         parity.persistent = 0
     parity.persistent += found != 0
@@ -345,42 +349,11 @@ def standing(parity: Parity, fusion: Fusion, moved: bool, slow: bool, at_once: b
     elif found == 0:
         parity.apart = 0
     if at_once and parity.redundant and slow and not moved and parity.apart < _SWAYS_S:
-        if found & (found - 1) != 0:
-            return found if parity.alarm else 0
-        return 0 if _moved_meanwhile(parity, int(fusion.count), found) else found
+        if parity.now.standing < _CALM_S:
+            found, _ = _standing(parity, fusion, _CLEAR)
+        return found if parity.alarm or found & (found - 1) == 0 else 0
     lasts = parity.persistent > SETTLED_S and (parity.alarm or not parity.redundant)
     return found if lasts else 0
-
-
-@compiled
-def _note_unexplained(parity: Parity, fusion: Fusion) -> None:
-    """Add what each sensor alone leaves of the second that ends, since the alarm began."""
-    if not parity.alarm:
-        parity.unexplained_free = 0
-        parity.unexplained[:] = 0.0
-    if not parity.alarm or not _stood(parity, 0):
-        return
-    n, k = weigh(parity, fusion, 0), 0
-    whole = _weighted(parity, n)
-    for i in range(fusion.count):
-        if parity.sensors >> i & 1:
-            parity.unexplained[i] += whole - _explains(parity, k, k)
-            k += 1
-    parity.unexplained_free += n - 1
-
-
-@compiled
-def _moved_meanwhile(parity: Parity, count: int, sensors: int) -> bool:
-    """Return whether a single sensor leaves much of the alarm's seconds, one by one, unexplained.
-
-    It may fail as it likes, but nothing else may show: a vehicle that begins to sway shows in other
-    directions each second, and looks like one sensor in some.
-    """
-    free = parity.unexplained_free
-    for i in range(count):
-        if sensors >> i & 1:
-            return parity.unexplained[i] - free > _REST * math.sqrt(2.0 * free)
-    return False
 
 
 @compiled
@@ -409,7 +382,7 @@ def _is_contradicted(parity: Parity, fusion: Fusion, sensors: int) -> bool:
 
 
 @compiled
-def _standing(parity: Parity, fusion: Fusion) -> tuple[int, bool]:
+def _standing(parity: Parity, fusion: Fusion, ratio: float) -> tuple[int, bool]:
     """Return the sensors that fail, and whether all are far from the expectation for seconds."""
     if parity.now.standing == 0:
         return 0, False
@@ -423,7 +396,7 @@ def _standing(parity: Parity, fusion: Fusion) -> tuple[int, bool]:
             continue
         if parity.redundant:
             by_motion = whole - left_by_motion(parity, int(fusion.count), level)
-        sensors, explained = _decide(parity, n, n, whole, by_motion)
+        sensors, explained = _decide(parity, n, n, whole, by_motion, ratio)
         if sensors != 0 and explained > factor:
             found = _sensors(parity, sensors)
             return (0 if _is_contradicted(parity, fusion, sensors) else found), False

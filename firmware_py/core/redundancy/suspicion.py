@@ -17,6 +17,7 @@ from rrins.firmware_py.core.records.estimator_records import HEIGHT, LATITUDE, L
 from rrins.firmware_py.core.records.memory import Fusion, Ram
 from rrins.firmware_py.core.records.redundancy_records import (
     ACCELEROMETERS,
+    FINE_LEVELS,
     GYROS,
     WINDOWS_S,
     Parity,
@@ -32,6 +33,10 @@ then."""
 
 _SURE = 3.0
 """Standard deviations of the fault's size, beyond what was measured."""
+
+_CHANGES = 5.0
+"""Standard deviations of the parity's noise from which on a fault has changed: it ends, or comes
+and goes as the table turns."""
 
 _GROWS = 1.2
 """By how much the size of a fault has to grow to be told again: noise moves it, too."""
@@ -60,6 +65,12 @@ def _since_s(state: Ram, parity: Parity) -> float:
 
 
 @compiled
+def _share(parity: Parity, level: int, k: int) -> float:
+    """Return what a window's parity along a sensor's axis shows of a fault of 1, s."""
+    return float(parity.projector[k, k] * WINDOWS_S[level])
+
+
+@compiled
 def _measure(state: Ram, parity: Parity) -> bool:
     """Write each suspect's size as it shows now; return whether one has grown.
 
@@ -73,7 +84,7 @@ def _measure(state: Ram, parity: Parity) -> bool:
         suspicion.fault_size[kind, k] = 0.0
         if parity.sensors >> k & 1 == 0 or parity.projector[k, k] <= CHECKED_FROM:
             continue
-        share = parity.projector[k, k] * WINDOWS_S[level]
+        share = _share(parity, level, k)
         value = parity.window_sum[level, k] / share
         sigma = math.sqrt(windows.variance_of(parity, level, k)) / share
         if part > 0.0 and abs(parity.residual[k]) > abs(value) * parity.projector[k, k] * part:
@@ -87,6 +98,48 @@ def _measure(state: Ram, parity: Parity) -> bool:
 
 
 @compiled
+def _follow_size(state: Ram, parity: Parity) -> None:
+    """Tell the estimator by how much the biases of suspects may have changed with what is shown."""
+    suspicion, kind = state.redundancy.suspicion, int(parity.kind)
+    since_s = (state.epoch - suspicion.shown_epoch[kind]) // state.redundancy.second_epochs
+    for level in range(FINE_LEVELS):
+        if WINDOWS_S[level] > since_s or not windows.is_due(parity, level):
+            return
+        if not _has_changed(state, parity, level):
+            continue
+        _tell_change(state, parity, level)
+        return
+
+
+@compiled
+def _has_changed(state: Ram, parity: Parity, level: int) -> bool:
+    """Return whether a window shows another size of a suspect's fault than when it last changed."""
+    suspicion, kind = state.redundancy.suspicion, int(parity.kind)
+    for k in range(parity.residual.shape[0]):
+        if suspicion.told[kind, k] > 0.0 and parity.projector[k, k] > CHECKED_FROM:
+            change = parity.window_sum[level, k]
+            change -= suspicion.shown[kind, k] * _share(parity, level, k)
+            if abs(change) > _CHANGES * math.sqrt(parity.variance[k, level]):
+                return True
+    return False
+
+
+@compiled
+def _tell_change(state: Ram, parity: Parity, level: int) -> None:
+    """Tell the estimator how large the fault is now, and by how much it has changed."""
+    suspicion, estimator, kind = state.redundancy.suspicion, state.estimator, int(parity.kind)
+    suspicion.shown_epoch[kind] = state.epoch
+    for k in range(parity.residual.shape[0]):
+        if suspicion.told[kind, k] > 0.0 and parity.projector[k, k] > CHECKED_FROM:
+            share = _share(parity, level, k)
+            shown = parity.window_sum[level, k] / share
+            sigma = math.sqrt(parity.variance[k, level]) / share
+            estimator.change[kind, k] = abs(shown - suspicion.shown[kind, k])
+            estimator.changed_size[kind, k] = abs(shown) + _SURE * sigma
+            suspicion.shown[kind, k] = shown
+
+
+@compiled
 def _suspect(state: Ram, parity: Parity, anew: bool) -> None:
     """Begin to carry what the suspects have done; not again within one fault: only its size."""
     suspicion, history = state.redundancy.suspicion, state.redundancy.repair
@@ -95,11 +148,14 @@ def _suspect(state: Ram, parity: Parity, anew: bool) -> None:
     suspicion.anew = anew
     suspicion.active = True
     suspicion.at = history.count - longer
+    suspicion.last = -1
     suspicion.begun_epoch = state.epoch - longer * state.redundancy.second_epochs
     for k in range(parity.residual.shape[0]):
         size = abs(suspicion.fault_size[parity.kind, k])
         before = 0.0 if anew else suspicion.told[parity.kind, k]
         suspicion.told[parity.kind, k] = max(size, before)
+        suspicion.shown[parity.kind, k] = suspicion.value[parity.kind, k] if size > 0.0 else 0.0
+    suspicion.shown_epoch[parity.kind] = state.epoch
     suspicion.height[:] = 0.0
     suspicion.x[:] = 0.0
 
@@ -108,9 +164,13 @@ def _suspect(state: Ram, parity: Parity, anew: bool) -> None:
 def _update(state: Ram, parity: Parity) -> None:
     """Look at a kind at the end of a second."""
     suspicion, kind = state.redundancy.suspicion, int(parity.kind)
-    if not parity.alarm or not parity.redundant or suspicion.active:
+    if not parity.redundant or suspicion.active:
         return
     anew = not lasts(state, kind)
+    if not anew:
+        _follow_size(state, parity)
+    if not parity.alarm:
+        return
     suspicion.until[kind] = state.epoch + LASTS_S * state.redundancy.second_epochs
     if _measure(state, parity) or anew:
         _suspect(state, parity, anew)
@@ -142,12 +202,28 @@ def settle(state: Ram, parity: Parity, sensor: int, seconds: float) -> bool:
     if not is_told:
         _measure(state, parity)
         _suspect(state, parity, True)
+        suspicion.last = state.redundancy.repair.count  # in which it may have begun
     suspicion.until[kind] = 0
     estimator.settles |= 1 << kind
     estimator.settled_sensor[kind] = sensor
     estimator.settled_value[kind] = suspicion.value[kind, sensor]
     estimator.settled_sigma[kind] = suspicion.sigma[kind, sensor]
     return aided
+
+
+@compiled
+def keep(state: Ram, parity: Parity, sensor: int) -> None:
+    """Tell the estimator of a sensor that fails and is used, for it cannot be spared.
+
+    It errs by as much as all sensors measure, at least, and in each second by something else.
+    """
+    vector, kind = state.dtheta_s, int(parity.kind)
+    if kind == ACCELEROMETERS:
+        vector = state.dv_s
+    square = vector[0] * vector[0] + vector[1] * vector[1] + vector[2] * vector[2]
+    dt = state.parameters.period_ns * 1e-9
+    kept = state.estimator.kept_size
+    kept[kind, sensor] = max(kept[kind, sensor], math.sqrt(square) / dt)
 
 
 @compiled
@@ -208,6 +284,8 @@ def follow(state: Ram) -> None:
         return
     for _ in range(_BLOCKS_PER_EPOCH):
         if suspicion.at >= history.count:
+            if history.count <= suspicion.last:
+                return
             fusion = state.gyros
             if suspicion.kind == ACCELEROMETERS:
                 fusion = state.accelerometers

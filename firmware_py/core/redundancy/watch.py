@@ -217,10 +217,13 @@ def _known(
         useless = 0
     known = (stuck | useless) & parity.sensors
     for sensor in range(parity.residual.shape[0]):
-        if known >> sensor & 1 and parities.spares(parity, fusion, sensor):
+        if known >> sensor & 1 == 0:
+            continue
+        if parities.spares(parity, fusion, sensor):
             if stuck >> sensor & 1:
                 return sensor, _STUCK
             return sensor, _ABSENT if absent >> sensor & 1 else _FULL_SCALE
+        suspicion.keep(state, parity, sensor)
     is_shown = parity.alarm and parity.alarm_shown  # as the fault of a single sensor is
     sensor = bank.found(state.redundancy.bank, parity.kind) if is_shown else -1
     return sensor if sensor >= 0 and parities.spares(parity, fusion, sensor) else -1, _REFERENCE

@@ -5,8 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rrins.firmware_py.core.estimator import lockout
-from rrins.firmware_py.core.records.estimator_records import BIASES, MOST_DISTRUST, VELOCITY, Aid
+from rrins.firmware_py.core.estimator import covariance, doubt, lockout
+from rrins.firmware_py.core.records.estimator_records import (
+    BIASES,
+    LATITUDE,
+    MOST_DISTRUST,
+    VELOCITY,
+    Aid,
+)
 
 STATES = BIASES + 8
 
@@ -16,6 +22,7 @@ def state(kit):
     state = kit.state()
     estimator = state.estimator
     lockout.begin.py_func(estimator)
+    doubt.begin.py_func(estimator)
     root = np.random.default_rng(1).normal(size=(STATES, STATES)) * 1e-3
     root[BIASES:] *= 1e-6
     estimator.P[:STATES, :STATES] = root @ root.T
@@ -102,3 +109,35 @@ def test_a_stop_of_the_car_only_delays_it(state):
     velocity.distrust = MOST_DISTRUST
     seconds(state, 1)
     assert state.estimator.reopenings == 1
+
+
+def test_a_gate_that_opens_at_once_heeds_positions_and_velocities(state):
+    """Where P has them go together, and the fault does not."""
+    estimator, north = state.estimator, VELOCITY + 1
+    estimator.north_radius = 1.0
+    estimator.P[:] = np.diag(np.full(len(estimator.P), 1e-9))
+    estimator.P[north, north], estimator.P[LATITUDE, LATITUDE] = 1e-4, 1.0
+    estimator.P[north, LATITUDE] = estimator.P[LATITUDE, north] = 0.999e-2
+    for at, measured, sigma in [(north, -1.0, 0.05), (LATITUDE, 100.0, 2.0)] * 3:
+        estimator.row[:] = 0.0
+        estimator.row[at] = 1.0
+        x, P, gain = estimator.x, estimator.P, estimator.gain
+        innovation = measured - x[at]
+        expected = covariance.expect(P, STATES, estimator.row, sigma**2, gain)
+        if innovation**2 > 25.0 * expected:
+            expected = lockout.open_along(estimator, innovation, expected, 1.0)
+            assert expected == innovation**2
+            assert np.array(gain[:BIASES]) == pytest.approx(np.array(P)[:BIASES, at])
+        covariance.update(x, P, STATES, gain, innovation, expected)
+    assert estimator.x[LATITUDE] == pytest.approx(100.0, abs=5.0)
+    assert estimator.x[north] == pytest.approx(-1.0, abs=0.2)
+    assert estimator.P[0, 0] > 0.5 * (1.0 / 9.8) ** 2  # of a tilt in a second
+    assert np.linalg.eigvalsh(np.array(P)[:STATES, :STATES]).min() > -1e-9
+
+
+def test_two_aids_against_the_filter_open_the_gate_at_once(state):
+    state.epoch = 1000
+    assert not doubt.explains(state.estimator, state.epoch)
+    state.estimator.sources[int(Aid.ODOMETER)].distrust = MOST_DISTRUST
+    seconds(state, 1)
+    assert doubt.explains(state.estimator, state.epoch)
