@@ -20,6 +20,7 @@ from rrins.firmware_py.core.records.estimator_records import (
     VELOCITY,
     Aid,
     Estimator,
+    Source,
 )
 from rrins.firmware_py.core.records.memory import Ram
 
@@ -110,6 +111,19 @@ def _open(state: Ram, factor: float) -> None:
         for k in range(estimator.states):
             P[i, k] *= scale[i] * scale[k]
     doubt.widen(state, scale)
+
+
+@compiled
+def open_at_once(state: Ram, source: Source, innovation: float, expected: float) -> float:
+    """Open the gate for one measurement, for a sensor is in doubt; return its variance then.
+
+    Where none can be spared the doubt goes on: nothing but the aids would tell of another fault.
+    """
+    estimator, redundancy = state.estimator, state.redundancy
+    if not (redundancy.gyros.redundant and redundancy.accelerometers.redundant):
+        estimator.doubted_epoch = state.epoch
+    since_s = (state.epoch - source.used_epoch) / estimator.second_epochs
+    return open_along(estimator, innovation, expected, since_s)
 
 
 @compiled

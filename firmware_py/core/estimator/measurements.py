@@ -249,10 +249,7 @@ def _judge(state: Ram, aid: int, component: int, innovation: float, sigma: float
             if aid == _ALTIMETER:
                 heights.refuse(state, innovation)
             return False
-        since_s = (state.epoch - source.used_epoch) / estimator.second_epochs
-        expected = lockout.open_along(estimator, innovation, expected, since_s)
-        if not (state.redundancy.gyros.redundant and state.redundancy.accelerometers.redundant):
-            estimator.doubted_epoch = state.epoch  # nothing else would tell of another fault
+        expected = lockout.open_at_once(state, source, innovation, expected)
         square = 1.0
         if state.integrity.enabled:
             refusals.believe_all(state.integrity)
