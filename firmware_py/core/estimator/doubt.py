@@ -66,6 +66,7 @@ def begin(estimator: Estimator) -> None:
     estimator.doubt_variance[:] = 0.0
     estimator.change[:] = 0.0
     estimator.kept_size[:] = 0.0
+    estimator.kept_before[:] = 0.0
 
 
 @compiled
@@ -210,29 +211,48 @@ def propagate(state: Ram) -> None:
 
 @compiled
 def change(state: Ram) -> None:
-    """Let the biases in doubt change as the fault did; note those of sensors that cannot be spared.
-
-    A fault that has become much larger or smaller, or has ended, is another one: the biases are
-    what they were before, and that, and they do not tell what the former has done. Where nothing
-    has aided they wait for the history to be repaired.
-    """
-    estimator, P = state.estimator, state.estimator.P
+    """Let the biases in doubt change as faults did; doubt those of sensors that cannot be spared."""
     for kind in range(2):
         first, count = _first(state, kind)
         for k in range(count):
-            at, changed = first + k, estimator.change[kind, k]
-            estimator.change[kind, k] = 0.0
-            if changed > 0.0 and estimator.unaided[kind] == 0:
-                if changed > _ANOTHER * estimator.changed_size[kind, k]:
-                    _begin_anew(state, kind, k, at)
-                else:
-                    P[at, at] += changed * changed
-                    estimator.doubt_variance[kind, k] += changed * changed
-            kept = estimator.kept_size[kind, k]
-            estimator.kept_size[kind, k] = 0.0
-            if kept > 0.0:
-                P[at, at] = max(P[at, at], kept * kept)
-                estimator.doubted_epoch = state.epoch
+            _follow_size(state, kind, k, first + k)
+            _doubt_kept(state, kind, k, first + k)
+
+
+@compiled
+def _follow_size(state: Ram, kind: int, k: int, at: int) -> None:
+    """Let a bias change by as much as the fault did.
+
+    One that has become much larger or smaller, or has ended, is another one: the bias is what it
+    was before, and that, and does not tell what the former has done. Where nothing has aided it
+    waits for the history to be repaired.
+    """
+    estimator, changed = state.estimator, state.estimator.change[kind, k]
+    estimator.change[kind, k] = 0.0
+    if changed == 0.0 or estimator.unaided[kind]:
+        return
+    if changed > _ANOTHER * estimator.changed_size[kind, k]:
+        _begin_anew(state, kind, k, at)
+        return
+    estimator.P[at, at] += changed * changed
+    estimator.doubt_variance[kind, k] += changed * changed
+
+
+@compiled
+def _doubt_kept(state: Ram, kind: int, k: int, at: int) -> None:
+    """Know nothing of the bias of a sensor that fails and is used, nor of what it did at first."""
+    estimator, P = state.estimator, state.estimator.P
+    kept, before = estimator.kept_size[kind, k], estimator.kept_before[kind, k]
+    estimator.kept_size[kind, k] = 0.0
+    estimator.kept_before[kind, k] = kept
+    if kept == 0.0:
+        return
+    estimator.doubted_epoch = state.epoch
+    P[at, at] = max(P[at, at], kept * kept)
+    if before == 0.0:
+        into = ATTITUDE if kind == GYROS else VELOCITY
+        for i in range(into, into + 3):
+            P[i, i] += kept * kept
 
 
 @compiled

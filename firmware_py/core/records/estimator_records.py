@@ -154,6 +154,7 @@ class Estimator(Record):
     change: Annotated[Floats, (2, SENSOR_GROUPS)]  #: rad/s, m/s², of a fault since it was told
     changed_size: Annotated[Floats, (2, SENSOR_GROUPS)]  #: rad/s, m/s², of one that has changed
     kept_size: Annotated[Floats, (2, SENSOR_GROUPS)]  #: rad/s, m/s², of one that fails and is used
+    kept_before: Annotated[Floats, (2, SENSOR_GROUPS)]  #: that of the second before
     doubt_variance: Annotated[Floats, (2, SENSOR_GROUPS)]  #: added to that of the bias
     doubted_epoch: I8  #: of the last change of these; -1: none
     jolt: F8  #: m/s², change of force by a fault of an accelerometer

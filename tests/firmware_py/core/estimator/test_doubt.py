@@ -67,9 +67,13 @@ def test_a_bias_that_nothing_has_aided_waits_for_the_repair(doubted):
 
 
 def test_a_sensor_that_fails_and_is_used_is_in_doubt_as_long_as_it_is(doubted):
+    """What it has done in the first second, too."""
     estimator, at = doubted.estimator, BIASES + 1
     doubted.epoch = 1000
-    estimator.kept_size[GYROS, 1] = 0.03
-    doubt.change(doubted)
-    assert estimator.P[at, at] == pytest.approx(9e-4)
+    before = float(estimator.P[0, 0])
+    for _ in range(2):
+        estimator.kept_size[GYROS, 1] = 0.03
+        doubt.change(doubted)
+        assert estimator.P[at, at] == pytest.approx(9e-4)
+        assert estimator.P[0, 0] - before == pytest.approx(9e-4)
     assert doubt.explains(estimator, doubted.epoch)
