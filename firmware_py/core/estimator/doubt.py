@@ -211,7 +211,7 @@ def propagate(state: Ram) -> None:
 
 @compiled
 def change(state: Ram) -> None:
-    """Let the biases in doubt change as faults did; doubt those of sensors that cannot be spared."""
+    """Let biases in doubt change as faults did; doubt those of sensors that cannot be spared."""
     for kind in range(2):
         first, count = _first(state, kind)
         for k in range(count):
