@@ -94,14 +94,20 @@ def note_past(state: Ram) -> None:
 
 
 @compiled
-def _recall(state: Ram, kind: int, epoch: int) -> None:
-    """Write what was known of a kind's biases before an epoch."""
-    estimator = state.estimator
+def _past_at(estimator: Estimator, epoch: int) -> int:
+    """Return where what was known before an epoch is kept."""
     oldest = max(0, estimator.past_count - PAST)
     number = int(estimator.past_count) - 1
     while number > oldest and estimator.past_epoch[number % PAST] > epoch:
         number -= 1
-    at = max(0, number) % PAST
+    return max(0, number) % PAST
+
+
+@compiled
+def _recall(state: Ram, kind: int, epoch: int) -> None:
+    """Write what was known of a kind's biases before an epoch."""
+    estimator = state.estimator
+    at = _past_at(estimator, epoch)
     first, count = _first(state, kind)
     for k in range(count):
         walked = estimator.walk_variance[kind, k] * PAST_S
@@ -232,7 +238,7 @@ def _follow_size(state: Ram, kind: int, k: int, at: int) -> None:
     if changed == 0.0 or estimator.unaided[kind]:
         return
     if changed > _ANOTHER * estimator.changed_size[kind, k]:
-        _begin_anew(state, kind, k, at)
+        _begin_anew(state, kind, k)
         return
     estimator.P[at, at] += changed * changed
     estimator.doubt_variance[kind, k] += changed * changed
@@ -240,33 +246,48 @@ def _follow_size(state: Ram, kind: int, k: int, at: int) -> None:
 
 @compiled
 def _doubt_kept(state: Ram, kind: int, k: int, at: int) -> None:
-    """Know nothing of the bias of a sensor that fails and is used, nor of what it did at first."""
+    """Know nothing of the bias of a sensor that fails and is used, nor of what it did at first.
+
+    Once it is sound again, the bias is what it was.
+    """
     estimator, P = state.estimator, state.estimator.P
     kept, before = estimator.kept_size[kind, k], estimator.kept_before[kind, k]
     estimator.kept_size[kind, k] = 0.0
     estimator.kept_before[kind, k] = kept
     if kept == 0.0:
+        if before > 0.0:
+            _reset(state, kind, k, estimator.kept_bias[kind, k], estimator.kept_variance[kind, k])
         return
     estimator.doubted_epoch = state.epoch
-    P[at, at] = max(P[at, at], kept * kept)
     if before == 0.0:
+        past = _past_at(estimator, state.epoch - 2 * estimator.second_epochs)
+        estimator.kept_bias[kind, k] = estimator.past_bias[past, kind, k]
+        estimator.kept_variance[kind, k] = estimator.past_variance[past, kind, k]
         into = ATTITUDE if kind == GYROS else VELOCITY
         for i in range(into, into + 3):
             P[i, i] += kept * kept
+    P[at, at] = max(P[at, at], kept * kept)
 
 
 @compiled
-def _begin_anew(state: Ram, kind: int, k: int, at: int) -> None:
+def _begin_anew(state: Ram, kind: int, k: int) -> None:
     """Know of a bias what was known before the fault, but for the fault's size now."""
-    estimator, P = state.estimator, state.estimator.P
+    estimator, size = state.estimator, state.estimator.changed_size[kind, k]
+    variance = estimator.variance_before[kind, k] + size * size
+    _reset(state, kind, k, estimator.bias_before[kind, k], variance)
+    estimator.doubt_variance[kind, k] = size * size
+
+
+@compiled
+def _reset(state: Ram, kind: int, k: int, bias: float, variance: float) -> None:
+    """Know this of a bias, whatever has been found of it."""
+    estimator, P, at = state.estimator, state.estimator.P, _first(state, kind)[0] + k
     known = estimator.gyro_bias[k] if kind == GYROS else estimator.accelerometer_bias[k]
-    estimator.x[at] = estimator.bias_before[kind, k] - known
-    size = estimator.changed_size[kind, k]
+    estimator.x[at] = bias - known
     for i in range(estimator.states):
         P[at, i] = 0.0
         P[i, at] = 0.0
-    P[at, at] = estimator.variance_before[kind, k] + size * size
-    estimator.doubt_variance[kind, k] = size * size
+    P[at, at] = variance
 
 
 @compiled

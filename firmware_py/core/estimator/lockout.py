@@ -20,7 +20,6 @@ from rrins.firmware_py.core.records.estimator_records import (
     VELOCITY,
     Aid,
     Estimator,
-    Source,
 )
 from rrins.firmware_py.core.records.memory import Ram
 
@@ -114,15 +113,18 @@ def _open(state: Ram, factor: float) -> None:
 
 
 @compiled
-def open_at_once(state: Ram, source: Source, innovation: float, expected: float) -> float:
+def open_at_once(state: Ram, aid: int, component: int, innovation: float, expected: float) -> float:
     """Open the gate for one measurement, for a sensor is in doubt; return its variance then.
 
-    Where none can be spared the doubt goes on: nothing but the aids would tell of another fault.
+    Where no sensor can be spared the doubt goes on: nothing but the aids would tell of another
+    fault.
     """
     estimator, redundancy = state.estimator, state.redundancy
     if not (redundancy.gyros.redundant and redundancy.accelerometers.redundant):
         estimator.doubted_epoch = state.epoch
-    since_s = (state.epoch - source.used_epoch) / estimator.second_epochs
+    used_epoch, since_s = estimator.used_epoch[aid, component], 0.0
+    if used_epoch >= 0:
+        since_s = max(1.0, (state.epoch - used_epoch) / estimator.second_epochs)
     return open_along(estimator, innovation, expected, since_s)
 
 
@@ -134,8 +136,8 @@ def open_along(estimator: Estimator, innovation: float, expected: float, since_s
     A half of what is missing goes along what it depends on, of velocity and position:
     ``P + c g gᵀ`` with their part g of ``P rowᵀ``, which `estimator.gain` is. The other half goes
     to what is measured alone, lest positions and velocities correct the same direction back and
-    forth. Level velocities are off by tilts `since_s` before they were last used: so much less is
-    the attitude known. `expected` is the variance of the innovation.
+    forth. Level velocities are off by a tilt in the `since_s` since they were right, if that is not
+    0: so much less is the attitude known. `expected` is the variance of the innovation.
     """
     P, gain, row = estimator.P, estimator.gain, estimator.row
     along, square = 0.0, 0.0
@@ -157,9 +159,9 @@ def open_along(estimator: Estimator, innovation: float, expected: float, since_s
         for k in range(first, last):
             P[i, k] += alone * row[i] * row[k] / square
         gain[i] += alone * row[i]
-    if last <= LATITUDE:
+    if last <= LATITUDE and since_s > 0.0:
         level = row[VELOCITY] ** 2 + row[VELOCITY + 1] ** 2
-        tilted = alone * level / square / (earth.GRAVITY_EQUATOR * max(1.0, since_s)) ** 2
+        tilted = alone * level / square / (earth.GRAVITY_EQUATOR * since_s) ** 2
         for i in range(VELOCITY):
             P[i, i] += min(tilted, max(0.0, doubt.UNKNOWN**2 - P[i, i]))
     doubt.confine(estimator)

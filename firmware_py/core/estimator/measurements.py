@@ -70,6 +70,7 @@ def begin(state: Ram) -> None:
     estimator.waiting = 0
     agreement.begin(estimator)
     estimator.aided_epoch = -1
+    estimator.used_epoch[:] = -1
     estimator.track_first = state.epoch
     _keep(state)
     estimator.heights = 0
@@ -81,7 +82,6 @@ def begin(state: Ram) -> None:
     for aid in range(AIDS):
         source = estimator.sources[aid]
         source.used = 0
-        source.used_epoch = state.epoch
         source.rejected = 0
         source.rejected_in_a_row = 0
         source.distrust = 0
@@ -249,7 +249,7 @@ def _judge(state: Ram, aid: int, component: int, innovation: float, sigma: float
             if aid == _ALTIMETER:
                 heights.refuse(state, innovation)
             return False
-        expected = lockout.open_at_once(state, source, innovation, expected)
+        expected = lockout.open_at_once(state, aid, component, innovation, expected)
         square = 1.0
         if state.integrity.enabled:
             refusals.believe_all(state.integrity)
@@ -265,7 +265,7 @@ def _judge(state: Ram, aid: int, component: int, innovation: float, sigma: float
     if aid == _GNSS_POSITION and component == COMPONENTS - 1:
         estimator.fix_height_epoch = state.epoch
     source.used += 1
-    source.used_epoch = state.epoch
+    estimator.used_epoch[aid, component] = state.epoch
     source.distrust = max(0, source.distrust - 1)
     source.rejected_in_a_row = 0
     source.squares += square

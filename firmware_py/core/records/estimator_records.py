@@ -97,7 +97,6 @@ class Source(Record):
     used: I8  #: scalars
     rejected: I8  #: scalars that failed the gate
     rejected_in_a_row: I8  #: of these, without one that passed
-    used_epoch: I8  #: of the last one that passed
     distrust: I8  #: rises by 3 with each that is rejected, falls by 1 with each that is used
     squares: F8  #: sum of the innovations' squares over their variance, of those used
 
@@ -155,6 +154,8 @@ class Estimator(Record):
     changed_size: Annotated[Floats, (2, SENSOR_GROUPS)]  #: rad/s, m/s², of one that has changed
     kept_size: Annotated[Floats, (2, SENSOR_GROUPS)]  #: rad/s, m/s², of one that fails and is used
     kept_before: Annotated[Floats, (2, SENSOR_GROUPS)]  #: that of the second before
+    kept_bias: Annotated[Floats, (2, SENSOR_GROUPS)]  #: rad/s, m/s², before it failed
+    kept_variance: Annotated[Floats, (2, SENSOR_GROUPS)]
     doubt_variance: Annotated[Floats, (2, SENSOR_GROUPS)]  #: added to that of the bias
     doubted_epoch: I8  #: of the last change of these; -1: none
     jolt: F8  #: m/s², change of force by a fault of an accelerometer
@@ -229,6 +230,7 @@ class Estimator(Record):
     locked_s: I8  #: seconds in which the receiver was rejected, and nothing else helped
     excess: F8  #: largest square of a rejected innovation of the second over that of the filter
     reopened: Bool  #: in the last second
+    used_epoch: Annotated[Integers, (AIDS, COMPONENTS)]  #: of the last measurement used; -1: none
     reopenings: I8  #: since the filter began
     # The present second, and the one that is worked on.
     epochs: I8  #: of the present second

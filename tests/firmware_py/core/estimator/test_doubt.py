@@ -77,3 +77,16 @@ def test_a_sensor_that_fails_and_is_used_is_in_doubt_as_long_as_it_is(doubted):
         assert estimator.P[at, at] == pytest.approx(9e-4)
         assert estimator.P[0, 0] - before == pytest.approx(9e-4)
     assert doubt.explains(estimator, doubted.epoch)
+
+
+def test_a_sensor_that_is_sound_again_has_the_bias_that_it_had(doubted):
+    estimator, at = doubted.estimator, BIASES + 1
+    doubted.epoch = 1000
+    estimator.past_count, estimator.past_epoch[0] = 1, 200
+    estimator.past_bias[0, GYROS, 1], estimator.past_variance[0, GYROS, 1] = 2e-6, 1e-12
+    estimator.kept_size[GYROS, 1] = 0.03
+    doubt.change(doubted)
+    estimator.gyro_bias[1] = 0.01  # what the filter took for a bias
+    doubt.change(doubted)
+    assert estimator.gyro_bias[1] + estimator.x[at] == pytest.approx(2e-6)
+    assert estimator.P[at, at] == pytest.approx(1e-12)
