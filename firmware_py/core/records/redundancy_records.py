@@ -281,6 +281,8 @@ class Parity(Record):
     alarm_shown: Bool  #: whether the parity was beyond its threshold in it
     persistent: I8  #: seconds for which the same sensors have seemed to fail at standstill
     persistent_sensors: I8  #: which, one bit each
+    unexplained: Annotated[Floats, SENSOR_GROUPS]  #: by one alone, of the seconds in an alarm
+    unexplained_free: I8  #: their degrees of freedom
     apart: I8  #: seconds for which all sensors at standstill have been far from the expectation
     frozen: I8  #: seconds since learning stopped, for a test is pending
     fits_from: I8  #: second from which on windows are fitted: `ahead` knows of no fault before it

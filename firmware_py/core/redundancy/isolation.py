@@ -335,11 +335,13 @@ def standing(parity: Parity, fusion: Fusion, moved: bool, slow: bool, at_once: b
     unless the navigated velocity says that it stands (`slow`): a smooth cruise looks the same. So
     it has to if an alarm has been there for some time already (not `at_once`): noise in one sensor
     and a slight motion look like another's fault now and then. If the vehicle has not stood for
-    long it has to, or to be clearer. Of two that fail, the parity has to have an alarm in any case.
+    long it has to, or to be clearer; and if the sensor does not explain the alarm's seconds one by
+    one. Of two that fail, the parity has to have an alarm in any case.
     """
     if (moved or not slow) and not parity.redundant:
         return 0
     found, is_apart = _standing(parity, fusion, RATIO)
+    _note_unexplained(parity, fusion)
     if found == 0 or found != parity.persistent_sensors:
         parity.persistent = 0
     parity.persistent += found != 0
@@ -351,9 +353,42 @@ def standing(parity: Parity, fusion: Fusion, moved: bool, slow: bool, at_once: b
     if at_once and parity.redundant and slow and not moved and parity.apart < _SWAYS_S:
         if parity.now.standing < _CALM_S:
             found, _ = _standing(parity, fusion, _CLEAR)
-        return found if parity.alarm or found & (found - 1) == 0 else 0
+        if found & (found - 1) != 0:
+            return found if parity.alarm else 0
+        return 0 if _leaves_much(parity, int(fusion.count), found) else found
     lasts = parity.persistent > SETTLED_S and (parity.alarm or not parity.redundant)
     return found if lasts else 0
+
+
+@compiled
+def _note_unexplained(parity: Parity, fusion: Fusion) -> None:
+    """Add what each sensor alone leaves of the second that ends, since the alarm began."""
+    if not parity.alarm:
+        parity.unexplained_free = 0
+        parity.unexplained[:] = 0.0
+    if not parity.alarm or not _stood(parity, 0):
+        return
+    n, k = weigh(parity, fusion, 0), 0
+    whole = _weighted(parity, n)
+    for i in range(fusion.count):
+        if parity.sensors >> i & 1:
+            parity.unexplained[i] += whole - _explains(parity, k, k)
+            k += 1
+    parity.unexplained_free += n - 1
+
+
+@compiled
+def _leaves_much(parity: Parity, count: int, sensors: int) -> bool:
+    """Return whether a single sensor leaves much of the alarm's seconds, one by one, unexplained.
+
+    It may fail as it likes, but nothing else may show: another's noise, or a vehicle that begins to
+    sway, shows in other directions each second, and looks like one sensor in some.
+    """
+    free = parity.unexplained_free
+    for i in range(count):
+        if sensors >> i & 1:
+            return parity.unexplained[i] - free > _REST * math.sqrt(2.0 * free)
+    return False
 
 
 @compiled
