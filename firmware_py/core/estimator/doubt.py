@@ -77,6 +77,15 @@ def _first(state: Ram, kind: int) -> tuple[int, int]:
 
 
 @compiled
+def _fed(estimator: Estimator, kind: int, k: int) -> float:
+    """Return the bias that a sensor is corrected by."""
+    biases = estimator.gyro_bias
+    if kind == ACCELEROMETERS:
+        biases = estimator.accelerometer_bias
+    return float(biases[k])
+
+
+@compiled
 def note_past(state: Ram) -> None:
     """Keep the biases and their variance now and then, for a fault that is found late."""
     estimator = state.estimator
@@ -88,8 +97,7 @@ def note_past(state: Ram) -> None:
     for kind in range(2):
         first, count = _first(state, kind)
         for k in range(count):
-            known = estimator.gyro_bias[k] if kind == GYROS else estimator.accelerometer_bias[k]
-            estimator.past_bias[at, kind, k] = known + estimator.x[first + k]
+            estimator.past_bias[at, kind, k] = _fed(estimator, kind, k) + estimator.x[first + k]
             estimator.past_variance[at, kind, k] = estimator.P[first + k, first + k]
 
 
@@ -282,8 +290,7 @@ def _begin_anew(state: Ram, kind: int, k: int) -> None:
 def _reset(state: Ram, kind: int, k: int, bias: float, variance: float) -> None:
     """Know this of a bias, whatever has been found of it."""
     estimator, P, at = state.estimator, state.estimator.P, _first(state, kind)[0] + k
-    known = estimator.gyro_bias[k] if kind == GYROS else estimator.accelerometer_bias[k]
-    estimator.x[at] = bias - known
+    estimator.x[at] = bias - _fed(estimator, kind, k)
     for i in range(estimator.states):
         P[at, i] = 0.0
         P[i, at] = 0.0
@@ -374,12 +381,11 @@ def _remember(state: Ram, kind: int, k: int, jump: float, spread: float) -> None
     estimator, at = state.estimator, _first(state, kind)[0] + k
     before, added = estimator.variance_before[kind, k], estimator.doubt_variance[kind, k]
     variance = before * (before + added) / added + spread
-    known = estimator.gyro_bias[k] if kind == GYROS else estimator.accelerometer_bias[k]
     row = estimator.row
     row[:] = 0.0
     row[at] = 1.0
     x, P, n = estimator.x, estimator.P, estimator.states
-    innovation = estimator.bias_before[kind, k] + jump - known - x[at]
+    innovation = estimator.bias_before[kind, k] + jump - _fed(estimator, kind, k) - x[at]
     expected = covariance.expect(P, n, row, variance, estimator.gain)
     covariance.update(x, P, n, estimator.gain, innovation, expected)
 

@@ -63,7 +63,8 @@ def follow(state: Ram) -> None:
     elif rejects:
         estimator.locked_s += 1
     odometer = estimator.sources[_ODOMETER]
-    if velocity.distrust >= NO_TRUST and odometer.distrust >= NO_TRUST:
+    both = has_fixes and state.odometer.available
+    if both and velocity.distrust >= NO_TRUST and odometer.distrust >= NO_TRUST:
         estimator.doubted_epoch = state.epoch  # two against one
     if estimator.locked_s >= PATIENCE_S and excess > 1.0:
         _open(state, math.sqrt(excess))

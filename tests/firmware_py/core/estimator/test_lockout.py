@@ -136,8 +136,11 @@ def test_a_gate_that_opens_at_once_heeds_positions_and_velocities(state):
 
 
 def test_two_aids_against_the_filter_open_the_gate_at_once(state):
+    """Not one, with what another said before it fell silent."""
     state.epoch = 1000
-    assert not doubt.explains(state.estimator, state.epoch)
     state.estimator.sources[int(Aid.ODOMETER)].distrust = MOST_DISTRUST
-    seconds(state, 1)
+    for fixes, counts in ((True, False), (False, True), (True, True)):
+        assert not doubt.explains(state.estimator, state.epoch)
+        state.gnss.available, state.odometer.available = fixes, counts
+        seconds(state, 1)
     assert doubt.explains(state.estimator, state.epoch)
