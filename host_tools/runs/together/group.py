@@ -91,7 +91,7 @@ class Group:
         self._alike = np.zeros((blocks, 2), np.int64)
         self._second = np.zeros((blocks, 3))
         self._longitude = np.zeros(self._count)
-        self._shared = np.zeros((loop.SPAN, rows.COLUMNS))
+        self._shared = np.zeros((loop.AHEAD, rows.COLUMNS))
         self._noise = np.zeros((loop.SPAN, sensors, LANES))
         self._work = np.zeros((5, loop.SPAN))
 

@@ -30,8 +30,12 @@ from rrins.host_tools.runs.together import memory as lanes
 from rrins.host_tools.runs.together import rows
 from rrins.host_tools.runs.together.epoch import run_epoch
 
+AHEAD = 2048
+"""Most epochs that the leading run is ahead: the memory of eight runs, which is large, then stays
+near the processor for as long."""
+
 SPAN = 256
-"""Most epochs that the leading run is ahead."""
+"""Most epochs for which noise is drawn at once."""
 
 _NEAR = 0.04
 """rad, by which latitudes may differ."""
@@ -99,6 +103,31 @@ def _draw(
         for k in range(source.count):
             if source.noise_increment[k] > 0.0:
                 normals(source, k, noise[:epochs, first + k, lane], work, bits)
+
+
+@compiled
+def _prepare(
+    plants: Records[Plant],
+    first: int,
+    last: int,
+    memory: Floats,
+    noise: Floats,
+    epoch: int,
+    epochs: int,
+    lost: Bytes,
+    work: Floats,
+    bits: Integers,
+) -> None:
+    """Let the errors of some runs drift if they are due, and draw the noise of some epochs."""
+    for run in range(first, last):
+        if lost[run]:
+            continue
+        own = plants[run]
+        own.epoch = epoch
+        if epoch % own.drift_epochs == 0:
+            drift(own, own.period_ns * 1e-9)
+            lanes.take_drift(memory, run - first, own)
+        _draw(own, noise, run - first, epochs, work, bits)
 
 
 @compiled
@@ -211,28 +240,33 @@ def _follow(
     memory: Floats,
     noise: Floats,
     shared: Floats,
-    epochs: int,
     epoch: int,
     phases: Integers,
     alike: Integers,
     second: Floats,
     lost: Bytes,
     longitude: Floats,
+    work: Floats,
+    bits: Integers,
     samples: Floats,
     row: int,
     compares: bool | None,
 ) -> None:
-    """Run eight runs over some epochs that follow `epoch`; write down what is kept."""
+    """Run eight runs over the epochs of `shared`, from `epoch` on; write down what is kept."""
     last = min(first + LANES, plants.shape[0])
     plant, state = plants[first], rams[first]
     layout = contract.sensor[0]
     counts = int(plant.gyros.count), int(plant.accelerometers.count)
     units = float(layout.gyro_dtheta.scale), float(layout.accelerometer_dv.scale)
     levels, dt = int(state.redundancy.gyros.levels), plant.period_ns * 1e-9
-    for e in range(epochs):
-        here = shared[e]
-        compared = compares is not None
-        run_epoch(memory, here, noise[e], counts, units, dt, compared, phases, alike, levels)
+    compared, drawn, end = compares is not None, 0, 0
+    for e in range(shared.shape[0]):
+        if e == end:
+            drawn, until_drift = e, plant.drift_epochs - (epoch + e) % plant.drift_epochs
+            end += min(SPAN, until_drift, shared.shape[0] - e)
+            _prepare(plants, first, last, memory, noise, epoch + e, end - e, lost, work, bits)
+        here, drawn_noise = shared[e], noise[e - drawn]
+        run_epoch(memory, here, drawn_noise, counts, units, dt, compared, phases, alike, levels)
         second[0] += here[rows.OUTER_TURN]
         second[1] += abs(here[rows.OUTER_TURN])
         second[2] += 1.0
@@ -249,7 +283,7 @@ def _follow(
                 if lost[run]:
                     continue
                 own, lane = rams[run], run - first
-                own.epoch = epoch + 1 + e
+                own.epoch = epoch + e
                 lanes.give_navigation(memory, lane, own.ins, longitude[run])
                 if not _close_second(
                     plants[run],
@@ -350,7 +384,7 @@ def run_together(
         Which runs have to go through all steps.
     longitude : array
         Where each run's lane began, rad.
-    shared : array, shape (`SPAN`, `rows.COLUMNS`)
+    shared : array, shape (`AHEAD`, `rows.COLUMNS`)
     noise : array, shape (`SPAN`, sensors, `LANES`)
     work, bits : array
         For `normals`.
@@ -366,14 +400,13 @@ def run_together(
         Rows written; negative if the leading run is not sound any more.
     """
     plant, state, contract = leaders[0], leading[0], contracts[0]
-    dt, second_epochs = plant.period_ns * 1e-9, 1_000_000_000 // plant.period_ns
+    second_epochs = 1_000_000_000 // plant.period_ns
     row = 0
     while epochs > 0:
-        first, before, count = row, state.epoch, 0
-        while count < min(SPAN, epochs):
-            here = shared[count]
+        first, before, count = row, state.epoch, min(AHEAD, epochs)
+        for e in range(count):
+            here = shared[e]
             _lead(plant, pieces, state, contract, felt, here, compares)
-            count += 1
             epoch = state.epoch
             here[rows.ENDS_SECOND] = epoch % second_epochs == 0
             here[rows.IS_KEPT] = epoch % every == 0 and modes.navigating(state)
@@ -385,39 +418,28 @@ def run_together(
                 _keep(state.ins, samples[0, row])
                 truth[row] = plant.truth
                 row += 1
-            if plant.epoch % plant.drift_epochs == 0:
-                break
+            if plants.shape[0] > 0 and not is_sound(state, compares):
+                return -1 - row
         epochs -= count
         if plants.shape[0] == 0:
             continue
-        if not is_sound(state, compares):
-            return -1 - row
         for block in range(memory.shape[0]):
-            begin_run = block * LANES
-            for run in range(begin_run, min(begin_run + LANES, plants.shape[0])):
-                if lost[run]:
-                    continue
-                own = plants[run]
-                own.epoch = before + 1
-                if own.epoch % own.drift_epochs == 0:
-                    drift(own, dt)
-                    lanes.take_drift(memory[block], run - begin_run, own)
-                _draw(own, noise, run - begin_run, count, work, bits)
             _follow(
                 plants,
                 rams,
                 contract,
-                begin_run,
+                block * LANES,
                 memory[block],
                 noise,
-                shared,
-                count,
-                before,
+                shared[:count],
+                before + 1,
                 phases[block],
                 alike[block],
                 second[block],
                 lost,
                 longitude,
+                work,
+                bits,
                 samples[1:],
                 first,
                 compares,
