@@ -336,7 +336,8 @@ def standing(parity: Parity, fusion: Fusion, moved: bool, slow: bool, at_once: b
     it has to if an alarm has been there for some time already (not `at_once`): noise in one sensor
     and a slight motion look like another's fault now and then. If the vehicle has not stood for
     long it has to, or to be clearer; and if the sensor does not explain the alarm's seconds one by
-    one. Of two that fail, the parity has to have an alarm in any case.
+    one, which it must if the vehicle has moved: it may have driven off. Of two that fail, the
+    parity has to have an alarm in any case.
     """
     if (moved or not slow) and not parity.redundant:
         return 0
@@ -357,13 +358,15 @@ def standing(parity: Parity, fusion: Fusion, moved: bool, slow: bool, at_once: b
             return found if parity.alarm else 0
         return 0 if _leaves_much(parity, int(fusion.count), found) else found
     lasts = parity.persistent > SETTLED_S and (parity.alarm or not parity.redundant)
-    return found if lasts else 0
+    if not lasts or (moved and _leaves_much(parity, int(fusion.count), found)):
+        return 0
+    return found
 
 
 @compiled
 def _note_unexplained(parity: Parity, fusion: Fusion) -> None:
-    """Add what each sensor alone leaves of the second that ends, since the alarm began."""
-    if not parity.alarm:
+    """Add what each sensor alone leaves of the second that ends, in an alarm and a standstill."""
+    if not parity.alarm or parity.now.standing == 0:
         parity.unexplained_free = 0
         parity.unexplained[:] = 0.0
     if not parity.alarm or not _stood(parity, 0):
@@ -379,14 +382,14 @@ def _note_unexplained(parity: Parity, fusion: Fusion) -> None:
 
 @compiled
 def _leaves_much(parity: Parity, count: int, sensors: int) -> bool:
-    """Return whether a single sensor leaves much of the alarm's seconds, one by one, unexplained.
+    """Return whether it is a single sensor, and leaves much of the alarm's seconds unexplained.
 
     It may fail as it likes, but nothing else may show: another's noise, or a vehicle that begins to
     sway, shows in other directions each second, and looks like one sensor in some.
     """
     free = parity.unexplained_free
     for i in range(count):
-        if sensors >> i & 1:
+        if sensors == 1 << i:
             return parity.unexplained[i] - free > _REST * math.sqrt(2.0 * free)
     return False
 
