@@ -39,7 +39,7 @@ from rrins.firmware_py.core.records.integrity_records import (
     Integrity,
     IntegrityStatus,
 )
-from rrins.firmware_py.core.records.memory import Ram
+from rrins.firmware_py.core.records.memory import Fusion, Ram
 from rrins.firmware_py.core.records.redundancy_records import SECOND_LEVELS, WINDOWS_S, Parity
 from rrins.firmware_py.core.redundancy import windows
 from rrins.firmware_py.core.redundancy.alike import largest
@@ -141,10 +141,13 @@ def _from_constant(parity: Parity, sensor: int) -> tuple[float, float]:
 
 
 @compiled
-def _cover(state: Ram, number: int, parity: Parity, by_parity: bool, alarm: bool) -> bool:
+def _cover(
+    state: Ram, number: int, parity: Parity, by_parity: bool, young_s: float, alarm: bool
+) -> bool:
     """Raise the bounds to cover a fault; return whether it shows, and moves the navigation.
 
-    In an alarm of its kind it is as likely as not, and what it can do is added to `sums`.
+    In an alarm of its kind it is as likely as not, and what it can do is added to `sums`. Otherwise
+    one that began less than `young_s` ago is not covered before it shows.
     """
     integrity, shows = state.integrity, False
     fault, less = integrity.faults[number], rivals(integrity, number)
@@ -172,6 +175,8 @@ def _cover(state: Ram, number: int, parity: Parity, by_parity: bool, alarm: bool
                 if fault.known > 0.0:  # another size would have been as likely before it showed
                     odds -= math.log(information / fault.known)
                 shows = shows or (found > SHOWS_FROM and deviation * found > sigma)
+                if not (alarm or found > SHOWS_FROM or seconds > young_s):
+                    continue
                 odds += found * found
                 if alarm:
                     odds = max(odds, integrity.faultless**2)
@@ -238,7 +243,7 @@ def _assess(state: Ram) -> None:
     _cover_sensors(state)
     for k in range(FIRST_AID, FIRST_SHIFT):
         if integrity.faults[k].present:
-            shows = _cover(state, k, state.redundancy.gyros, False, False)
+            shows = _cover(state, k, state.redundancy.gyros, False, 0.0, False)
             integrity.suspected = integrity.suspected or shows
     _cover_refused(state)
     for bound in range(BOUNDS):  # they hold before it is fed back, too
@@ -249,13 +254,28 @@ def _assess(state: Ram) -> None:
 
 
 @compiled
+def _in_use(parity: Parity, fusion: Fusion) -> int:
+    """Return how many sensors of a kind are not left out."""
+    count = 0
+    for k in range(fusion.count):
+        count += parity.excluded >> k & 1 == 0
+    return count
+
+
+@compiled
 def _cover_sensors(state: Ram) -> None:
     """Cover the faults of the sensors that are in use."""
     integrity, parity, fusion = state.integrity, state.redundancy.gyros, state.gyros
+    gyros_shown = _parity_shows(integrity, parity, 0)
+    accelerometers_shown = _parity_shows(integrity, state.redundancy.accelerometers, 1)
+    unwatched = 0 if gyros_shown else _in_use(parity, fusion)
+    if not accelerometers_shown:
+        unwatched += _in_use(state.redundancy.accelerometers, state.accelerometers)
+    by_parity = gyros_shown
     for kind in range(2):
         if kind == 1:
             parity, fusion = state.redundancy.accelerometers, state.accelerometers
-        by_parity = _parity_shows(integrity, parity, kind)
+            by_parity = accelerometers_shown
         alarm = _is_suspected(state, parity, kind)
         useless = parity.useless_epochs > 0  # soon left out; until then nothing is compared
         misses = fusion.count > _SPAN and (parity.excluded != 0 or useless or not by_parity)
@@ -266,9 +286,10 @@ def _cover_sensors(state: Ram) -> None:
         first = kind * SENSOR_GROUPS
         for k in range(fusion.count):
             if parity.excluded >> k & 1 == 0:
-                shows = _cover(state, first + k, parity, by_parity, alarm)
+                young_s = 0.0 if by_parity else integrity.faults[first + k].young_s / unwatched
+                shows = _cover(state, first + k, parity, by_parity, young_s, alarm)
                 integrity.suspected = integrity.suspected or shows
-        shows = _cover(state, FIRST_SHIFT + kind, parity, by_parity, False)
+        shows = _cover(state, FIRST_SHIFT + kind, parity, by_parity, 0.0, False)
         integrity.suspected = integrity.suspected or shows
         for bound in range(BOUNDS if alarm else 0):
             all_of_kind = integrity.sums[bound] + integrity.faultless * integrity.sigmas[bound]

@@ -42,8 +42,9 @@ _COMMON_SCALE = 0.003
 _COMMON_SHIFT = 10.0
 """Standard deviation of a change of bias that they have alike, in those of a sensor's own bias."""
 
-_FAULTLESS_SHARE = 0.5
-"""Of the risk: the rest is that of faults, in equal parts."""
+_FAULTLESS_SHARE, _YOUNG_SHARE = 0.5, 0.25
+"""Of the risk: of no fault; of sensors' faults that began a moment ago, where no parity shows them.
+The rest is that of all other faults, in equal parts."""
 
 
 class IntegritySettings(BaseModel):
@@ -86,7 +87,7 @@ def _spans_s() -> tuple[float, ...]:
 
 
 def _set_fault(fault: Fault, sensor: int, present: bool, per_h: float, share: float) -> None:
-    fault.sensor = sensor
+    fault.sensor, fault.young_s = sensor, 0.0
     fault.present = present
     for age, span_s in enumerate(_spans_s()):
         likely = min(1.0, max(per_h, LEAST_RATE) * span_s / _HOUR_S)
@@ -126,8 +127,11 @@ def set_up(state: Ram, settings: IntegritySettings) -> None:
         integrity.faults[FIRST_AID + ALL_GYROS + kind].known = _COMMON_SCALE**-2
         shift = integrity.faults[FIRST_AID + GYROS_SHIFT + kind]
         shift.known = (_COMMON_SHIFT * bias_sigma) ** -2
-    share = (1.0 - _FAULTLESS_SHARE) * risk / max(1, AGES * len(present))
+    share = (1.0 - _FAULTLESS_SHARE - _YOUNG_SHARE) * risk / max(1, AGES * len(present))
     integrity.certain = 2.0 * math.log(1.0 / share)
     for number in range(FAULT_CAPACITY):
         sensor, rate = present.get(number, (-1, 0.0))
-        _set_fault(integrity.faults[number], sensor, number in present, rate, share)
+        fault = integrity.faults[number]
+        _set_fault(fault, sensor, number in present, rate, share)
+        if sensor >= 0:
+            fault.young_s = _YOUNG_SHARE * risk * _HOUR_S / max(rate, LEAST_RATE)

@@ -85,6 +85,7 @@ class Fault(Record):
     sensor: I8  #: of its kind; -1: none, or all
     present: Bool  #: whether the unit has the part
     known: F8  #: information about its size before it shows: 1 over the variance
+    young_s: F8  #: in which one begins with the probability that young faults may have
     odds: Annotated[Floats, AGES + 1]  #: 2 ln of its probability over its share of the risk
     effects: Annotated[Records[Effect], AGES]
 

@@ -89,6 +89,17 @@ def test_under_a_fault_the_error_is_below_its_bound_or_the_navigation_not_availa
     assert not (misleading & (seconds["integrity"] == AVAILABLE)).any()
 
 
+@pytest.mark.parametrize("aids", [{}, {"odometer": None}])
+def test_once_a_gyro_is_left_out_the_navigation_is_of_use(aids):
+    """Another may fail, which no parity would show; but hardly just now."""
+    fault = {"kind": "gyro_bias", "sensor": 2, "bias_dph": 10, "at_s": AT_S}
+    run, seconds, errors = followed(duration_s=600, faults=[fault], **aids)
+    isolated_s = run.summary["redundancy"]["gyros"]["isolated_s"]
+    after = slice(round(isolated_s) + 15, None)
+    assert (seconds["integrity"][after] == DEGRADED).all()
+    assert (errors <= seconds["protection"])[after].all()
+
+
 @pytest.mark.parametrize("jump_m", [2, -100])
 def test_an_altimeter_that_jumps_beside_a_receiver_is_learned_anew(jump_m):
     _, seconds, errors = followed(
