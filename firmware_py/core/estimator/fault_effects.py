@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from rrins.compiled.compilation import compiled
 from rrins.dbc.contract import SENSOR_GROUPS
-from rrins.firmware_py.core.estimator import propagation, transition
+from rrins.firmware_py.core.estimator import propagation, transition, wheels
 from rrins.firmware_py.core.maths.vectors import copy
 from rrins.firmware_py.core.records.estimator_records import (
     BIASES,
@@ -42,7 +42,6 @@ from rrins.firmware_py.core.records.integrity_records import (
     SUSPECT,
     Effect,
     Fault,
-    Integrity,
 )
 from rrins.firmware_py.core.records.memory import Ram
 
@@ -222,9 +221,14 @@ def _carry(state: Ram, effect: Effect) -> None:
 
 
 @compiled
-def _offset(integrity: Integrity, effect: Effect, k: int, aid: int, component: int) -> float:
-    """Return by how much a fault of size 1 of an aid moves this measurement."""
-    is_fix = aid in (_GNSS_POSITION, _GNSS_VELOCITY)
+def _offset(state: Ram, effect: Effect, k: int, aid: int, component: int) -> float:
+    """Return by how much a fault of size 1 of an aid moves this measurement.
+
+    Of the odometer, beyond what its scale does: a wheel that is locked counts nothing.
+    """
+    integrity, is_fix = state.integrity, aid in (_GNSS_POSITION, _GNSS_VELOCITY)
+    if aid == _ODOMETER and k == FIRST_AID + ODOMETER_FAULT and component == wheels.FORWARD:
+        return wheels.skidded_m(state.estimator)
     if not is_fix or channel_of(aid, component) != channel_at_fault(k):
         return 0.0
     if k < FIRST_AID + GNSS_DRIFT:
@@ -255,7 +259,7 @@ def take(
         explains = _is_to_explain(channel_at_fault(k), channel)
         for age in range(AGES):
             effect = fault.effects[age]
-            shift = _offset(integrity, effect, k, aid, component)
+            shift = _offset(state, effect, k, aid, component)
             for i in range(n):
                 if row[i] != 0.0:
                     shift += row[i] * effect.state[i]

@@ -33,7 +33,7 @@ AGREES_AFTER = 10
 
 _AT_ONCE = 9.0
 """Square of the first normalised innovation within the gate, at most: an error of the navigation
-comes back through the gate's edge."""
+comes back through the gate's edge. So does a wheel that is locked, as the vehicle stops."""
 
 _NONE, _ASKED = int(Verdict.NONE), int(Verdict.ASKED)
 _OWN_FAULT, _PASSED = int(Verdict.OWN_FAULT), int(Verdict.PASSED)
@@ -64,7 +64,8 @@ def use(integrity: Integrity, aid: int, component: int, square: float) -> None:
         return
     device = device_of(channel_of(aid, component))
     if integrity.owed[aid, component] == AGREES_AFTER and square > _AT_ONCE:
-        believe(integrity, device)
+        if integrity.verdicts[device] != _OWN_FAULT:
+            believe(integrity, device)
         return
     agree(integrity, aid, component)
     integrity.owed[aid, component] -= 1

@@ -146,6 +146,12 @@ def follow_slip(state: Ram, innovation: float) -> None:
 
 
 @compiled
+def skidded_m(estimator: Estimator) -> float:
+    """Return by how much the stretch of the present innovation is longer than the way forward."""
+    return float(estimator.stretch_m - estimator.vehicle_way[FORWARD_AXIS])
+
+
+@compiled
 def innovation(state: Ram, component: int) -> tuple[float, float]:
     """Write the row of a component of the stretch; return its innovation and sigma, m."""
     estimator, row = state.estimator, state.estimator.row
