@@ -150,7 +150,8 @@ def _cover(
     one that began less than `young_s` ago is not covered before it shows.
     """
     integrity, shows = state.integrity, False
-    fault, less = integrity.faults[number], rivals(integrity, number)
+    fault = integrity.faults[number]
+    less = rivals(integrity, number) + fault.allowed
     for bound in range(BOUNDS):
         most, sigma = 0.0, integrity.sigmas[bound]
         for age in range(AGES + 1 if by_parity and fault.sensor >= 0 else AGES):

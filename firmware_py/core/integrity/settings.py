@@ -46,6 +46,10 @@ _FAULTLESS_SHARE, _YOUNG_SHARE = 0.5, 0.25
 """Of the risk: of no fault; of sensors' faults that began a moment ago, where no parity shows them.
 The rest is that of all other faults, in equal parts."""
 
+_RARE_SHARE = 0.1
+"""Of the risk per hour: with that probability all of a kind may fail alike unseen. They do so for all
+of an hour, or not at all: the probability does not grow with the number of errors in it."""
+
 
 class IntegritySettings(BaseModel):
     """Bounds of the error for a stated risk, and how often parts are assumed to fail."""
@@ -129,9 +133,12 @@ def set_up(state: Ram, settings: IntegritySettings) -> None:
         shift.known = (_COMMON_SHIFT * bias_sigma) ** -2
     share = (1.0 - _FAULTLESS_SHARE - _YOUNG_SHARE) * risk / max(1, AGES * len(present))
     integrity.certain = 2.0 * math.log(1.0 / share)
+    rare = range(FIRST_AID + ALL_GYROS, FIRST_AID + ACCELEROMETERS_SHIFT + 1)
+    more = _RARE_SHARE * settings.risk_per_h / len(rare) / share
     for number in range(FAULT_CAPACITY):
         sensor, rate = present.get(number, (-1, 0.0))
         fault = integrity.faults[number]
         _set_fault(fault, sensor, number in present, rate, share)
+        fault.allowed = 2.0 * math.log(more) if number in rare else 0.0
         if sensor >= 0:
             fault.young_s = _YOUNG_SHARE * risk * _HOUR_S / max(rate, LEAST_RATE)

@@ -86,7 +86,8 @@ class Fault(Record):
     present: Bool  #: whether the unit has the part
     known: F8  #: information about its size before it shows: 1 over the variance
     young_s: F8  #: in which one begins with the probability that young faults may have
-    odds: Annotated[Floats, AGES + 1]  #: 2 ln of its probability over its share of the risk
+    odds: Annotated[Floats, AGES + 1]  #: 2 ln of its probability over an equal share of the risk
+    allowed: F8  #: 2 ln of its own share over that
     effects: Annotated[Records[Effect], AGES]
 
 
