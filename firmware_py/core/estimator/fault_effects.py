@@ -224,11 +224,12 @@ def _carry(state: Ram, effect: Effect) -> None:
 def _offset(state: Ram, effect: Effect, k: int, aid: int, component: int) -> float:
     """Return by how much a fault of size 1 of an aid moves this measurement.
 
-    Of the odometer, beyond what its scale does: a wheel that is locked counts nothing.
+    Of the odometer, beyond what the scale does to its count: a wheel that is locked has none.
     """
     integrity, is_fix = state.integrity, aid in (_GNSS_POSITION, _GNSS_VELOCITY)
     if aid == _ODOMETER and k == FIRST_AID + ODOMETER_FAULT and component == wheels.FORWARD:
-        return wheels.skidded_m(state.estimator)
+        scale = BIASES + int(state.gyros.count + state.accelerometers.count) + SCALE
+        return float(wheels.skidded_m(state.estimator) * effect.state[scale])
     if not is_fix or channel_of(aid, component) != channel_at_fault(k):
         return 0.0
     if k < FIRST_AID + GNSS_DRIFT:

@@ -42,13 +42,13 @@ _COMMON_SCALE = 0.003
 _COMMON_SHIFT = 10.0
 """Standard deviation of a change of bias that they have alike, in those of a sensor's own bias."""
 
-_FAULTLESS_SHARE, _YOUNG_SHARE = 0.5, 0.25
+_FAULTLESS_SHARE, _YOUNG_SHARE = 0.25, 0.25
 """Of the risk: of no fault; of sensors' faults that began a moment ago, where no parity shows them.
 The rest is that of all other faults, in equal parts."""
 
 _RARE_SHARE = 0.1
-"""Of the risk per hour: with that probability all of a kind may fail alike unseen. They do so for all
-of an hour, or not at all: the probability does not grow with the number of errors in it."""
+"""Of the risk per hour: with that probability all of a kind may fail alike unseen. They do so for
+the whole hour, or not at all: it is no more probable for all the errors in an hour than for one."""
 
 
 class IntegritySettings(BaseModel):
@@ -131,7 +131,8 @@ def set_up(state: Ram, settings: IntegritySettings) -> None:
         integrity.faults[FIRST_AID + ALL_GYROS + kind].known = _COMMON_SCALE**-2
         shift = integrity.faults[FIRST_AID + GYROS_SHIFT + kind]
         shift.known = (_COMMON_SHIFT * bias_sigma) ** -2
-    share = (1.0 - _FAULTLESS_SHARE - _YOUNG_SHARE) * risk / max(1, AGES * len(present))
+    left = 1.0 - _FAULTLESS_SHARE - _YOUNG_SHARE - _RARE_SHARE
+    share = left * risk / max(1, AGES * len(present))
     integrity.certain = 2.0 * math.log(1.0 / share)
     rare = range(FIRST_AID + ALL_GYROS, FIRST_AID + ACCELEROMETERS_SHIFT + 1)
     more = _RARE_SHARE * settings.risk_per_h / len(rare) / share

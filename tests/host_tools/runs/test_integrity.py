@@ -144,6 +144,16 @@ def test_what_a_sensor_has_left_of_the_velocity_is_not_taken_for_a_fault_of_the_
     assert (errors < seconds["protection"]).all()
 
 
+def test_a_wheel_that_stays_locked_is_known_for_it():
+    """The car stops twice, where it agrees, and drives on."""
+    fault = {"at_s": AT_S, "kind": "odometer_lock"}
+    _, seconds, errors = followed(duration_s=700, faults=[fault])
+    assert (errors < seconds["protection"]).all()
+    assert (seconds["integrity"][10:] <= DEGRADED).all()
+    assert np.mean(seconds["integrity"][round(AT_S) :] == DEGRADED) > 0.9
+    assert (seconds["protection"][-1] < 3 * seconds["protection"][round(AT_S) - 2]).all()
+
+
 @pytest.mark.parametrize("odometer", [True, False])
 def test_a_receiver_that_has_jumped_for_good_bounds_the_error_by_its_distance(odometer):
     """Its fixes may be right; of the sensors they say nothing more."""
@@ -221,7 +231,9 @@ def test_without_an_aid_the_bound_grows_until_the_alert_limit():
     assert (
         errors[:, [HORIZONTAL, HEADING]] <= seconds["protection"][:, [HORIZONTAL, HEADING]]
     ).all()
-    first = np.argmax(seconds["protection"][:, HORIZONTAL] > 300)
+    level = seconds["protection"][:, HORIZONTAL]
+    assert np.median(level[1:] / seconds["position_sigma"][1:, :2].max(axis=1)) < 8
+    first = np.argmax(level > 300)
     assert first > 100
     assert (seconds["integrity"][first:] == IntegrityStatus.NOT_AVAILABLE).all()
 
