@@ -51,6 +51,9 @@ FIRST_ALIKE, FIRST_SHIFT = FIRST_AID + ALL_GYROS, FIRST_AID + GYROS_SHIFT
 KEPT_FROM = 12.0
 """Square of the statistic of a fault from which on it is kept."""
 
+AGREES_BELOW = 2.5
+"""Mean square of the normalised innovations; of 64 independent ones 6 sigma are 2.1."""
+
 _REFUSED_MOST = 25.0
 """Square of a normalised innovation that counts for the agreement, at most: the gate's."""
 
@@ -182,15 +185,28 @@ def shown(effect: Effect) -> float:
 
 
 @compiled
+def explains(effect: Effect) -> bool:
+    """Return whether an aid's fault leaves no more of the innovations than noise."""
+    return bool(effect.left <= AGREES_BELOW)
+
+
+@compiled
 def _keep_suspect(state: Ram, fault: Fault) -> None:
-    """Keep the time since which a fault shows most, for as long as no other shows more."""
-    best, most = -1, max(KEPT_FROM, shown(fault.effects[SUSPECT]))
+    """Keep the time since which a fault shows most, for as long as no other shows more.
+
+    One that explains the innovations comes first: a wheel that locks within a second is another
+    fault in it.
+    """
+    kept = fault.effects[SUSPECT]
+    best, most, fits = -1, max(KEPT_FROM, shown(kept)), explains(kept)
     for age in range(SINCE_BEGIN):
-        if shown(fault.effects[age]) > most:
-            best, most = age, shown(fault.effects[age])
-    if best < 0:
-        return
-    keep(fault.effects[SUSPECT], fault.effects[best])
+        effect, least = fault.effects[age], most
+        if explains(effect) and not fits:
+            least = KEPT_FROM
+        if shown(effect) > least and (explains(effect) or not fits):
+            best, most, fits = age, shown(effect), explains(effect)
+    if best >= 0:
+        keep(kept, fault.effects[best])
 
 
 @compiled

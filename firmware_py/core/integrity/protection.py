@@ -17,8 +17,8 @@ import math
 from rrins.compiled.compilation import compiled, compiled_with
 from rrins.compiled.record import Floats
 from rrins.dbc.contract import SENSOR_GROUPS
-from rrins.firmware_py.core.estimator.fault_effects import FIRST_AID, FIRST_SHIFT
-from rrins.firmware_py.core.integrity.weights import AGREES_BELOW, believed, odds_of, rivals, weigh
+from rrins.firmware_py.core.estimator.fault_effects import AGREES_BELOW, FIRST_AID, FIRST_SHIFT
+from rrins.firmware_py.core.integrity.weights import believed, odds_of, rivals, weigh
 from rrins.firmware_py.core.maths import earth
 from rrins.firmware_py.core.records.estimator_records import (
     AIDS,

@@ -16,6 +16,7 @@ from rrins.firmware_py.core.estimator.fault_effects import (
     channel_of,
     device_of,
     evidence,
+    explains,
 )
 from rrins.firmware_py.core.records.estimator_records import AIDS, COMPONENTS
 from rrins.firmware_py.core.records.integrity_records import (
@@ -33,9 +34,6 @@ from rrins.firmware_py.core.records.memory import Ram
 
 LONGEST_S = 24 * 3600.0
 """For which a fault may have lasted unseen."""
-
-AGREES_BELOW = 2.5
-"""Mean square of the normalised innovations; of 64 independent ones 6 sigma are 2.1."""
 
 _NONE, _ASKED, _OPEN = int(Verdict.NONE), int(Verdict.ASKED), int(Verdict.OPEN)
 _OWN_FAULT, _PASSED = int(Verdict.OWN_FAULT), int(Verdict.PASSED)
@@ -73,16 +71,16 @@ def believed(integrity: Integrity, effect: Effect, number: int) -> tuple[float, 
 
 
 @compiled
-def _weight(integrity: Integrity, number: int, explains: bool) -> float:
+def _weight(integrity: Integrity, number: int, by_explaining: bool) -> float:
     """Return the same as `odds_of`, by all innovations, of the most likely time of a fault.
 
-    With `explains`, of a fault that leaves no more of the innovations than noise.
+    With `by_explaining`, of a fault that leaves no more of the innovations than noise.
     """
     fault, most = integrity.faults[number], -math.inf
     for age in range(AGES):
         effect = fault.effects[age]
         information, correlation = evidence(effect)
-        if information <= 0.0 or (explains and effect.left > AGREES_BELOW):
+        if information <= 0.0 or (by_explaining and not explains(effect)):
             continue
         weight = odds_of(integrity, fault, age) + correlation * correlation / information
         if fault.known > 0.0:
