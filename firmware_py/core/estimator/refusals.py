@@ -41,9 +41,11 @@ _OWN_FAULT, _PASSED = int(Verdict.OWN_FAULT), int(Verdict.PASSED)
 
 @compiled
 def refuse(integrity: Integrity, aid: int, component: int) -> None:
-    """Note a measurement beyond the gate."""
+    """Note a measurement beyond the gate: of a device that has just failed, it is another fault."""
     device = device_of(channel_of(aid, component))
     if device >= 0:
+        if integrity.verdicts[device] == _PASSED:
+            forget(integrity, device)
         integrity.owed[aid, component] = AGREES_AFTER
         integrity.verdicts[device] = _ASKED
 

@@ -144,14 +144,19 @@ def test_what_a_sensor_has_left_of_the_velocity_is_not_taken_for_a_fault_of_the_
     assert (errors < seconds["protection"]).all()
 
 
-def test_a_wheel_that_stays_locked_is_known_for_it():
-    """The car stops twice, where it agrees, and drives on."""
-    fault = {"at_s": AT_S, "kind": "odometer_lock"}
-    _, seconds, errors = followed(duration_s=700, faults=[fault])
+@pytest.mark.parametrize(
+    ("fault", "of_use"),
+    [({"at_s": AT_S}, 1.0), ({"at_s": AT_S + 0.4}, 0.98), ({"period_s": 25, "duty": 0.8}, 0.6)],
+)
+def test_a_wheel_that_locks_is_known_for_it(fault, of_use):
+    """For good, from within a second on, or now and then; where the car stops, it agrees."""
+    lock = {"at_s": AT_S, "kind": "odometer_lock"} | fault
+    _, seconds, errors = followed(duration_s=700, faults=[lock])
     assert (errors < seconds["protection"]).all()
-    assert (seconds["integrity"][10:] <= DEGRADED).all()
-    assert np.mean(seconds["integrity"][round(AT_S) :] == DEGRADED) > 0.9
-    assert (seconds["protection"][-1] < 3 * seconds["protection"][round(AT_S) - 2]).all()
+    after = seconds[round(AT_S) :]
+    assert np.mean(after["integrity"] <= DEGRADED) >= of_use
+    assert np.mean(after["integrity"] == AVAILABLE) < 0.1
+    assert (after["protection"][-1] < 4 * seconds["protection"][round(AT_S) - 2]).all()
 
 
 @pytest.mark.parametrize("odometer", [True, False])
