@@ -48,6 +48,9 @@ from rrins.firmware_py.core.redundancy.parity import CHECKED_FROM
 SHOWS_FROM = 6.0
 """Standard deviations of the size of a fault from which on it is suspected."""
 
+_SEEN = 1.1
+"""Information on the size of a fault, over what is assumed of it, from which on it would show."""
+
 _SPAN = 3
 """Sensors that span space: more are redundant."""
 
@@ -150,8 +153,7 @@ def _cover(
     one that began less than `young_s` ago is not covered before it shows.
     """
     integrity, shows = state.integrity, False
-    fault = integrity.faults[number]
-    less = rivals(integrity, number) + fault.allowed
+    fault, less = integrity.faults[number], rivals(integrity, number)
     for bound in range(BOUNDS):
         most, sigma = 0.0, integrity.sigmas[bound]
         for age in range(AGES + 1 if by_parity and fault.sensor >= 0 else AGES):
@@ -175,6 +177,7 @@ def _cover(
                 found = abs(correlation) / math.sqrt(information)
                 if fault.known > 0.0:  # another size would have been as likely before it showed
                     odds -= math.log(information / fault.known)
+                    odds -= fault.allowed if information < _SEEN * fault.known else 0.0
                 shows = shows or (found > SHOWS_FROM and deviation * found > sigma)
                 if not (alarm or found > SHOWS_FROM or seconds > young_s):
                     continue

@@ -87,7 +87,7 @@ class Fault(Record):
     known: F8  #: information about its size before it shows: 1 over the variance
     young_s: F8  #: in which one begins with the probability that young faults may have
     odds: Annotated[Floats, AGES + 1]  #: 2 ln of its probability over an equal share of the risk
-    allowed: F8  #: 2 ln of its own share over that
+    allowed: F8  #: 2 ln of its own share over that, where nothing shows it
     effects: Annotated[Records[Effect], AGES]
 
 
