@@ -273,14 +273,14 @@ def take(
         fault = integrity.faults[k]
         if not fault.present:
             continue
-        explains = _is_to_explain(channel_at_fault(k), channel)
+        has_to_explain = _is_to_explain(channel_at_fault(k), channel)
         for age in range(AGES):
             effect = fault.effects[age]
             shift = _offset(state, effect, k, aid, component)
             for i in range(n):
                 if row[i] != 0.0:
                     shift += row[i] * effect.state[i]
-            if explains:
+            if has_to_explain:
                 _explain(effect, shift, innovation, expected)
             if apart:
                 effect.refused_information[channel] += shift * shift / expected

@@ -91,7 +91,7 @@ def _spans_s() -> tuple[float, ...]:
 
 
 def _set_fault(fault: Fault, sensor: int, present: bool, per_h: float, share: float) -> None:
-    fault.sensor, fault.young_s = sensor, 0.0
+    fault.sensor = sensor
     fault.present = present
     for age, span_s in enumerate(_spans_s()):
         likely = min(1.0, max(per_h, LEAST_RATE) * span_s / _HOUR_S)
