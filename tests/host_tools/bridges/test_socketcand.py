@@ -384,8 +384,9 @@ def test_a_running_rehearsal_is_seen(start: Callable[..., Any], tmp_path: Any) -
     with rehearsal.paused():
         server = start("socketcand", "--channel", "test", "--port", 0)
         server.wait_for_line("Ctrl-C stops")
-    port = int(re.search(r"port (\d+)", server.said[-1])[1])
-    with can.Bus(interface="socketcand", host="127.0.0.1", port=port, channel="test") as bus:
+        port = int(re.search(r"port (\d+)", server.said[-1])[1])
+        bus = can.Bus(interface="socketcand", host="127.0.0.1", port=port, channel="test")
+    with bus:
         heard = [receive(bus) for _ in range(2000)]
         bus.send(can.Message(arbitration_id=0x7F0, is_extended_id=False, data=[1]))
     assert {0x10, 0x20, 0x40, 0x120} <= {message.arbitration_id for message in heard}

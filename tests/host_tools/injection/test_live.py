@@ -221,10 +221,12 @@ def test_a_rehearsal_of_processes(start):
         "rehearse", "ideal", "--channel", "live", "--speed", 20, "--duration", 60, "--out", "out"
     )
     command.wait_for_line("running")
-    with can.Bus("live", interface="rrins", host="never", role="observer") as bus:
+    with command.paused():
+        bus = can.Bus("live", interface="rrins", host="never", role="observer")
+        injector = FaultClient(Address(EMBEDDED, "live"), patience_s=60)
+    with bus, injector as client:
         bus.set_filters([{"can_id": load().frame_id("NAV_LATITUDE"), "can_mask": 0x7FF}])
         assert bus.recv(60) is not None
-    with FaultClient(Address(EMBEDDED, "live"), patience_s=60) as client:
         fault = fault_of({"kind": "silence", "node": "hardware", "for_s": 1})
         active, _ = client.inject(fault)
         assert active.keys == {"kind": "silence", "node": "hardware"}
