@@ -20,6 +20,7 @@ import errno
 import logging
 import os
 import select
+import sys
 import threading
 import time
 from typing import Final
@@ -457,11 +458,13 @@ class Relay:
         os.eventfd_write(self._wake, 1)
 
     def linger(self) -> None:
-        """Give the peers a moment to take what waits for them."""
+        """Let the peers take what waits for them, until they have taken nothing for a moment."""
         if os.getpid() != self._host.pid:
             return
-        end = _now() + _LINGER_NS
-        while self.stuck or any(peer.queue for peer in self.receivers):
+        least, end = sys.maxsize, 0
+        while waits := len(self.stuck) + sum(len(peer.queue) for peer in self.receivers):
+            if waits < least:
+                least, end = waits, _now() + _LINGER_NS
             left = end - _now()
             if left <= 0:
                 _log.warning("channel %s closes before all was received", self._channel)

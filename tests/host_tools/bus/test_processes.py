@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import logging
 import os
 import select
@@ -17,6 +18,7 @@ import numpy as np
 import pytest
 
 from rrins.dbc.frame import frame_array
+from rrins.host_tools.bus import relay
 from rrins.host_tools.bus.interface import RrinsBus
 
 StartPlayer = Callable[[], Any]
@@ -155,8 +157,9 @@ def test_a_hanging_observer_never_slows_the_bus_and_is_cut_off(
 
 
 def test_an_observer_that_lags_and_catches_up_loses_nothing(
-    host: RrinsBus, start_player: StartPlayer
+    host: RrinsBus, start_player: StartPlayer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """However long that takes: by this clock it is ten minutes each time that it takes some."""
     observer = start_player()
     attach(host, observer, "recorder", role="observer")
     os.kill(observer.pid, signal.SIGSTOP)
@@ -167,6 +170,8 @@ def test_an_observer_that_lags_and_catches_up_loses_nothing(
         frames["data"] = number
         host.send_batch(frames, 1, timeout=0.0)
     os.kill(observer.pid, signal.SIGCONT)
+    monkeypatch.setattr(relay, "_LINGER_NS", 1_000_000_000_000)
+    monkeypatch.setattr(relay, "_now", itertools.count(0, 600_000_000_000).__next__)
     host.shutdown()  # lets it take what waits for it
     assert observer.answer() is True
     assert "has closed it" in observer.ask("receive_until_error")["error"]
