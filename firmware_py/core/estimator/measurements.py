@@ -233,16 +233,23 @@ def _judge(state: Ram, aid: int, component: int, innovation: float, sigma: float
     estimator.normalised = innovation / math.sqrt(expected)
     refused = estimator.receiver_doubted and aid in (_GNSS_POSITION, _GNSS_VELOCITY)
     beyond = not square <= estimator.gate * estimator.gate
-    if refused or beyond:
+    is_forward = aid == _ODOMETER and component == wheels.FORWARD
+    is_silent = is_forward and wheels.is_silent(estimator, beyond)
+    if refused or beyond or is_silent:
         source.rejected += 1
         source.rejected_in_a_row += 1
         source.distrust = min(MOST_DISTRUST, source.distrust + 3)
+        if is_silent:
+            if state.integrity.enabled:
+                refusals.ask_again(state.integrity, aid, component)
+            return False
         known = max(expected - sigma * sigma, 1e-9 * expected)
         estimator.excess = max(estimator.excess, innovation * innovation / known)
         if source.distrust < NO_TRUST or not doubt.explains(estimator, state.epoch):
+            has_locked = is_forward and wheels.locks(estimator)
             if state.integrity.enabled:
                 if beyond:
-                    refusals.refuse(state.integrity, aid, component)
+                    refusals.refuse(state.integrity, aid, component, has_locked)
                 else:
                     refusals.agree(state.integrity, aid, component)
                 fault_effects.take(state, aid, component, innovation, expected, False)

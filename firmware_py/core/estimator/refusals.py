@@ -40,13 +40,24 @@ _OWN_FAULT, _PASSED = int(Verdict.OWN_FAULT), int(Verdict.PASSED)
 
 
 @compiled
-def refuse(integrity: Integrity, aid: int, component: int) -> None:
-    """Note a measurement beyond the gate: of a device that has just failed, it is another fault."""
+def refuse(integrity: Integrity, aid: int, component: int, is_anew: bool) -> None:
+    """Note a measurement beyond the gate, `is_anew` by a fault that has begun with it.
+
+    So it is with a device that has just failed.
+    """
     device = device_of(channel_of(aid, component))
     if device >= 0:
-        if integrity.verdicts[device] == _PASSED:
+        if is_anew or integrity.verdicts[device] == _PASSED:
             forget(integrity, device)
         integrity.owed[aid, component] = AGREES_AFTER
+        integrity.verdicts[device] = _ASKED
+
+
+@compiled
+def ask_again(integrity: Integrity, aid: int, component: int) -> None:
+    """Note that a device fails on, though its measurement says nothing."""
+    device = device_of(channel_of(aid, component))
+    if integrity.owed[aid, component] > 0 and integrity.verdicts[device] != _OWN_FAULT:
         integrity.verdicts[device] = _ASKED
 
 

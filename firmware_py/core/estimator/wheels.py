@@ -46,6 +46,7 @@ FORWARD, ACROSS, UPWARD = 0, 1, 2
 def begin(state: Ram) -> None:
     """Begin with the filter."""
     state.estimator.odometer_epoch = -1
+    state.estimator.wheel_locked = False
 
 
 @compiled
@@ -62,6 +63,7 @@ def finish_second(state: Ram) -> None:
     is_whole = before >= 0 and seconds <= wheel.LONGEST_S
     is_whole = is_whole and estimator.odometer_gaps == odometer.gaps
     if is_whole:
+        estimator.wheel_locked &= estimator.stretch_m == 0.0  # it may have been, of a part of it
         estimator.stretch_m = odometer.travelled - estimator.odometer_travelled
         estimator.stretch_s = seconds
         track = state.wheel.track
@@ -124,7 +126,8 @@ def _slip_sigma(estimator: Estimator, pivot: float) -> float:
 
     `pivot` is the distance along the vehicle in which it turns about another point.
     """
-    if wheel.stands(estimator.stretch_m, estimator.stretch_b, estimator.stretch_s):
+    stands = wheel.stands(estimator.stretch_m, estimator.stretch_b, estimator.stretch_s)
+    if stands and not estimator.wheel_locked:
         return float(wheel.STANDING_SLIP * estimator.stretch_s)
     slip = estimator.slip_sigma * estimator.stretch_s
     return math.hypot(slip, pivot * estimator.stretch_turned)
@@ -143,6 +146,24 @@ def follow_slip(state: Ram, innovation: float) -> None:
     if estimator.sources[_ODOMETER].distrust < told or abs(innovation) > _MOST_SLIP * way:
         return
     estimator.P[at, at] += (innovation / way) ** 2
+
+
+@compiled
+def locks(estimator: Estimator) -> bool:
+    """Note that the forward way is beyond the gate; return whether the wheel has just locked."""
+    is_found = estimator.stretch_m == 0.0 and not estimator.wheel_locked
+    estimator.wheel_locked |= is_found
+    return bool(is_found)
+
+
+@compiled
+def is_silent(estimator: Estimator, beyond: bool) -> bool:
+    """Return whether the forward way of a locked wheel says nothing of a velocity or a fault.
+
+    It is 0 whatever the vehicle does; so it does not count within the gate. Nor does the first one
+    in which the wheel turns again, for it has not turned in all of it.
+    """
+    return bool(estimator.wheel_locked and not (beyond and estimator.stretch_m == 0.0))
 
 
 @compiled

@@ -146,7 +146,7 @@ def test_what_a_sensor_has_left_of_the_velocity_is_not_taken_for_a_fault_of_the_
 
 @pytest.mark.parametrize(
     ("fault", "of_use"),
-    [({"at_s": AT_S}, 1.0), ({"at_s": AT_S + 0.4}, 0.98), ({"period_s": 25, "duty": 0.8}, 0.6)],
+    [({"at_s": AT_S}, 1.0), ({"at_s": AT_S + 0.4}, 1.0), ({"period_s": 25, "duty": 0.8}, 0.98)],
 )
 def test_a_wheel_that_locks_is_known_for_it(fault, of_use):
     """For good, from within a second on, or now and then; where the car stops, it agrees."""
