@@ -215,8 +215,11 @@ def take(state: Ram) -> bool:
         agreement.note(state, agreement.RECEIVER, component, estimator.normalised)
     elif aid == _ODOMETER and component < LEVEL:
         agreement.note(state, agreement.ODOMETER, component, estimator.normalised)
-    if aid == _ODOMETER and component == wheels.FORWARD and not used:
-        wheels.follow_slip(state, innovation)
+    if aid == _ODOMETER and component == wheels.FORWARD:
+        if used:
+            estimator.ways_refused = 0
+        else:
+            wheels.follow_slip(state, innovation)
     return True
 
 
@@ -246,10 +249,10 @@ def _judge(state: Ram, aid: int, component: int, innovation: float, sigma: float
         known = max(expected - sigma * sigma, 1e-9 * expected)
         estimator.excess = max(estimator.excess, innovation * innovation / known)
         if source.distrust < NO_TRUST or not doubt.explains(estimator, state.epoch):
-            has_locked = is_forward and wheels.locks(estimator)
+            has_begun = is_forward and wheels.refuse(estimator)
             if state.integrity.enabled:
                 if beyond:
-                    refusals.refuse(state.integrity, aid, component, has_locked)
+                    refusals.refuse(state.integrity, aid, component, has_begun)
                 else:
                     refusals.agree(state.integrity, aid, component)
                 fault_effects.take(state, aid, component, innovation, expected, False)

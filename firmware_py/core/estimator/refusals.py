@@ -33,21 +33,21 @@ AGREES_AFTER = 10
 
 _AT_ONCE = 9.0
 """Square of the first normalised innovation within the gate, at most: an error of the navigation
-comes back through the gate's edge. So does a wheel that is locked, as the vehicle stops."""
+comes back through the gate's edge."""
 
-_NONE, _ASKED = int(Verdict.NONE), int(Verdict.ASKED)
+_NONE, _ASKED, _OPEN = int(Verdict.NONE), int(Verdict.ASKED), int(Verdict.OPEN)
 _OWN_FAULT, _PASSED = int(Verdict.OWN_FAULT), int(Verdict.PASSED)
 
 
 @compiled
-def refuse(integrity: Integrity, aid: int, component: int, is_anew: bool) -> None:
-    """Note a measurement beyond the gate, `is_anew` by a fault that has begun with it.
+def refuse(integrity: Integrity, aid: int, component: int, has_begun: bool) -> None:
+    """Note a measurement beyond the gate: of a device that has just failed, it is another fault.
 
-    So it is with a device that has just failed.
+    What the device was refused for before is void if the fault `has_begun` there.
     """
     device = device_of(channel_of(aid, component))
     if device >= 0:
-        if is_anew or integrity.verdicts[device] == _PASSED:
+        if has_begun or integrity.verdicts[device] == _PASSED:
             forget(integrity, device)
         integrity.owed[aid, component] = AGREES_AFTER
         integrity.verdicts[device] = _ASKED
@@ -55,9 +55,9 @@ def refuse(integrity: Integrity, aid: int, component: int, is_anew: bool) -> Non
 
 @compiled
 def ask_again(integrity: Integrity, aid: int, component: int) -> None:
-    """Note that a device fails on, though its measurement says nothing."""
+    """Ask whether a device fails for certain, until it has agreed often enough."""
     device = device_of(channel_of(aid, component))
-    if integrity.owed[aid, component] > 0 and integrity.verdicts[device] != _OWN_FAULT:
+    if integrity.owed[aid, component] > 0 and integrity.verdicts[device] == _OPEN:
         integrity.verdicts[device] = _ASKED
 
 
@@ -80,6 +80,7 @@ def use(integrity: Integrity, aid: int, component: int, square: float) -> None:
         if integrity.verdicts[device] != _OWN_FAULT:
             believe(integrity, device)
         return
+    ask_again(integrity, aid, component)
     agree(integrity, aid, component)
     integrity.owed[aid, component] -= 1
     if not _is_owed(integrity, device):

@@ -35,9 +35,6 @@ _ODOMETER = int(Aid.ODOMETER)
 
 _EVERY = (1 << COMPONENTS) - 1
 
-_MOST_SLIP = 0.2
-"""Share of the way that a wheel slips by, at most; beyond, it is locked or spins."""
-
 FORWARD, ACROSS, UPWARD = 0, 1, 2
 """Components of a stretch."""
 
@@ -47,6 +44,7 @@ def begin(state: Ram) -> None:
     """Begin with the filter."""
     state.estimator.odometer_epoch = -1
     state.estimator.wheel_locked = False
+    state.estimator.ways_refused = 0
 
 
 @compiled
@@ -137,23 +135,27 @@ def _slip_sigma(estimator: Estimator, pivot: float) -> float:
 def follow_slip(state: Ram, innovation: float) -> None:
     """Know less of the scale once the forward way is rejected for some seconds: the wheel slips.
 
-    By as much as it seems to slip, so the inertial velocity finds the scale anew.
+    By as much as it seems to slip, so the inertial velocity finds the scale anew; not where the
+    wheel counts less than half of the way.
     """
     estimator = state.estimator
     way = abs(estimator.stretch_m)
     at = BIASES + int(state.gyros.count) + int(state.accelerometers.count) + SCALE
     told = NO_TRUST + COMPONENTS  # so that the ways across, which are used, leave it rejected
-    if estimator.sources[_ODOMETER].distrust < told or abs(innovation) > _MOST_SLIP * way:
+    if estimator.sources[_ODOMETER].distrust < told or abs(innovation) > way:
         return
     estimator.P[at, at] += (innovation / way) ** 2
 
 
 @compiled
-def locks(estimator: Estimator) -> bool:
-    """Note that the forward way is beyond the gate; return whether the wheel has just locked."""
-    is_found = estimator.stretch_m == 0.0 and not estimator.wheel_locked
-    estimator.wheel_locked |= is_found
-    return bool(is_found)
+def refuse(estimator: Estimator) -> bool:
+    """Note that the forward way is beyond the gate; return whether the one before was the first.
+
+    In that one the fault began, so it was not there in all of it.
+    """
+    estimator.ways_refused += 1
+    estimator.wheel_locked |= estimator.stretch_m == 0.0
+    return bool(estimator.ways_refused == 2)
 
 
 @compiled

@@ -280,6 +280,7 @@ class Estimator(Record):
     odometer_epoch: I8  #: at whose end the stretch that waits, or the next one, begins; -1: nowhere
     odometer_gaps: I8  #: of the odometer, then
     odometer_travelled: F8  #: m, then
+    ways_refused: I8  #: of these, forward, in a row
     wheel_locked: Bool  #: whether it stood while the vehicle moved, and has not turned since
     stretch_m: F8  #: that waits
     stretch_s: F8

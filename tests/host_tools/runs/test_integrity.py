@@ -159,6 +159,20 @@ def test_a_wheel_that_locks_is_known_for_it(fault, of_use):
     assert (after["protection"][-1] < 4 * seconds["protection"][round(AT_S) - 2]).all()
 
 
+@pytest.mark.parametrize(
+    ("slips", "status"),
+    [
+        ({"slip_percent": 40}, AVAILABLE),
+        ({"slip_percent": 10, "period_s": 25, "duty": 0.5}, DEGRADED),
+    ],
+)
+def test_a_wheel_that_slips_leaves_the_navigation_of_use(slips, status):
+    slip = {"at_s": AT_S, "kind": "odometer_slip"} | slips
+    _, seconds, errors = followed(duration_s=700, faults=[slip])
+    assert (errors < seconds["protection"]).all()
+    assert np.mean(seconds["integrity"][round(AT_S) :] <= status) > 0.94
+
+
 @pytest.mark.parametrize("odometer", [True, False])
 def test_a_receiver_that_has_jumped_for_good_bounds_the_error_by_its_distance(odometer):
     """Its fixes may be right; of the sensors they say nothing more."""
