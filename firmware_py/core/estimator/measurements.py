@@ -215,11 +215,8 @@ def take(state: Ram) -> bool:
         agreement.note(state, agreement.RECEIVER, component, estimator.normalised)
     elif aid == _ODOMETER and component < LEVEL:
         agreement.note(state, agreement.ODOMETER, component, estimator.normalised)
-    if aid == _ODOMETER and component == wheels.FORWARD:
-        if used:
-            estimator.ways_refused = 0
-        else:
-            wheels.follow_slip(state, innovation)
+    if aid == _ODOMETER and component == wheels.FORWARD and not used:
+        wheels.follow_slip(state, innovation)
     return True
 
 
@@ -236,8 +233,9 @@ def _judge(state: Ram, aid: int, component: int, innovation: float, sigma: float
     estimator.normalised = innovation / math.sqrt(expected)
     refused = estimator.receiver_doubted and aid in (_GNSS_POSITION, _GNSS_VELOCITY)
     beyond = not square <= estimator.gate * estimator.gate
-    is_forward = aid == _ODOMETER and component == wheels.FORWARD
-    is_silent = is_forward and wheels.is_silent(estimator, beyond)
+    is_silent = False
+    if aid == _ODOMETER and component == wheels.FORWARD:
+        is_silent = wheels.is_silent(estimator, beyond)
     if refused or beyond or is_silent:
         source.rejected += 1
         source.rejected_in_a_row += 1
@@ -249,15 +247,7 @@ def _judge(state: Ram, aid: int, component: int, innovation: float, sigma: float
         known = max(expected - sigma * sigma, 1e-9 * expected)
         estimator.excess = max(estimator.excess, innovation * innovation / known)
         if source.distrust < NO_TRUST or not doubt.explains(estimator, state.epoch):
-            has_begun = is_forward and wheels.refuse(estimator)
-            if state.integrity.enabled:
-                if beyond:
-                    refusals.refuse(state.integrity, aid, component, has_begun)
-                else:
-                    refusals.agree(state.integrity, aid, component)
-                fault_effects.take(state, aid, component, innovation, expected, False)
-            if aid == _ALTIMETER:
-                heights.refuse(state, innovation)
+            _note_refused(state, aid, component, innovation, expected, beyond)
             return False
         expected = lockout.open_at_once(state, aid, component, innovation, expected)
         square = 1.0
@@ -268,18 +258,45 @@ def _judge(state: Ram, aid: int, component: int, innovation: float, sigma: float
     if state.integrity.enabled:
         refusals.use(state.integrity, aid, component, square)
         fault_effects.take(state, aid, component, innovation, expected, True)
+    _note_used(state, aid, component, square)
+    return True
+
+
+@compiled
+def _note_refused(
+    state: Ram, aid: int, component: int, innovation: float, expected: float, beyond: bool
+) -> None:
+    """Note what a refused measurement says of the faults, and of its own device."""
+    has_begun = False
+    if aid == _ODOMETER and component == wheels.FORWARD:
+        has_begun = wheels.refuse(state.estimator)
+    if state.integrity.enabled:
+        if beyond:
+            refusals.refuse(state.integrity, aid, component, has_begun)
+        else:
+            refusals.agree(state.integrity, aid, component)
+        fault_effects.take(state, aid, component, innovation, expected, False)
+    if aid == _ALTIMETER:
+        heights.refuse(state, innovation)
+
+
+@compiled
+def _note_used(state: Ram, aid: int, component: int, square: float) -> None:
+    """Note that a measurement was used, with the square of its normalised innovation."""
+    estimator, source = state.estimator, state.estimator.sources[aid]
     if aid != _ALTIMETER:
         estimator.aided_epoch = state.epoch
     else:
         estimator.heights_refused = 0
     if aid == _GNSS_POSITION and component == COMPONENTS - 1:
         estimator.fix_height_epoch = state.epoch
+    if aid == _ODOMETER and component == wheels.FORWARD:
+        estimator.ways_refused = 0
     source.used += 1
     estimator.used_epoch[aid, component] = state.epoch
     source.distrust = max(0, source.distrust - 1)
     source.rejected_in_a_row = 0
     source.squares += square
-    return True
 
 
 @compiled
