@@ -85,13 +85,15 @@ def no_seconds() -> Seconds:
 
 
 def seconds_of(errors: Errors, estimates: Records[EstimatorSecond], rate_hz: int) -> Seconds:
-    """Return what both logs of a run say of the same seconds."""
+    """Return what both logs of a run say of the same seconds.
+
+    The navigation has the corrections of a second from its next epoch on, as on the bus, where its
+    σ comes after that.
+    """
     if not len(errors) or not len(estimates):
         return no_seconds()
-    epochs = estimates["epoch"]
-    after = np.clip(np.searchsorted(errors.epoch, epochs), 1, len(errors) - 1)
-    is_before_nearer = epochs - errors.epoch[after - 1] < errors.epoch[after] - epochs
-    at = after - is_before_nearer
+    epochs = estimates["epoch"] + 1
+    at = np.minimum(np.searchsorted(errors.epoch, epochs), len(errors) - 1)
     is_there = np.abs(errors.epoch[at] - epochs) <= _NEAR_S * rate_hz
     at, known = at[is_there], estimates[is_there]
     error = np.zeros((len(at), BOUNDS))

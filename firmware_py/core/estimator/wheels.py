@@ -142,7 +142,7 @@ def follow_slip(state: Ram, innovation: float) -> None:
     way = abs(estimator.stretch_m)
     at = BIASES + int(state.gyros.count) + int(state.accelerometers.count) + SCALE
     told = NO_TRUST + COMPONENTS  # so that the ways across, which are used, leave it rejected
-    if estimator.sources[_ODOMETER].distrust < told or abs(innovation) > way:
+    if estimator.sources[_ODOMETER].distrust < told or abs(innovation) >= way:
         return
     estimator.P[at, at] += (innovation / way) ** 2
 

@@ -179,6 +179,12 @@ def test_sigma_tells_what_faults_have_done(seed, number):
     assert np.nanmax(found.error_over_sigma) < 3.0
 
 
+def test_sigma_is_that_of_the_navigation_with_its_corrections():
+    """A ship's first fix after an outage of three minutes takes a hundred metres away at once."""
+    found = trial.run(cases.draw(17, 1580))
+    assert np.nanmax(found.error_over_sigma) < 1.2
+
+
 @pytest.mark.parametrize(
     ("number", "errors"),
     [
