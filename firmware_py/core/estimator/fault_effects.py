@@ -243,7 +243,7 @@ def _offset(state: Ram, effect: Effect, k: int, aid: int, component: int) -> flo
     Of the odometer, beyond what the scale does to its count: a wheel that is locked has none.
     """
     integrity, is_fix = state.integrity, aid in (_GNSS_POSITION, _GNSS_VELOCITY)
-    if aid == _ODOMETER and k == FIRST_AID + ODOMETER_FAULT and component == wheels.FORWARD:
+    if k == FIRST_AID + ODOMETER_FAULT and wheels.is_forward(aid, component):
         scale = BIASES + int(state.gyros.count + state.accelerometers.count) + SCALE
         return float(wheels.skidded_m(state.estimator) * effect.state[scale])
     if not is_fix or channel_of(aid, component) != channel_at_fault(k):

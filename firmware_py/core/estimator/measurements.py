@@ -215,7 +215,7 @@ def take(state: Ram) -> bool:
         agreement.note(state, agreement.RECEIVER, component, estimator.normalised)
     elif aid == _ODOMETER and component < LEVEL:
         agreement.note(state, agreement.ODOMETER, component, estimator.normalised)
-    if aid == _ODOMETER and component == wheels.FORWARD and not used:
+    if wheels.is_forward(aid, component) and not used:
         wheels.follow_slip(state, innovation)
     return True
 
@@ -234,7 +234,7 @@ def _judge(state: Ram, aid: int, component: int, innovation: float, sigma: float
     refused = estimator.receiver_doubted and aid in (_GNSS_POSITION, _GNSS_VELOCITY)
     beyond = not square <= estimator.gate * estimator.gate
     is_silent = False
-    if aid == _ODOMETER and component == wheels.FORWARD:
+    if wheels.is_forward(aid, component):
         is_silent = wheels.is_silent(estimator, beyond)
     if refused or beyond or is_silent:
         source.rejected += 1
@@ -268,7 +268,7 @@ def _note_refused(
 ) -> None:
     """Note what a refused measurement says of the faults, and of its own device."""
     has_begun = False
-    if aid == _ODOMETER and component == wheels.FORWARD:
+    if wheels.is_forward(aid, component):
         has_begun = wheels.refuse(state.estimator)
     if state.integrity.enabled:
         if beyond:
@@ -290,7 +290,7 @@ def _note_used(state: Ram, aid: int, component: int, square: float) -> None:
         estimator.heights_refused = 0
     if aid == _GNSS_POSITION and component == COMPONENTS - 1:
         estimator.fix_height_epoch = state.epoch
-    if aid == _ODOMETER and component == wheels.FORWARD:
+    if wheels.is_forward(aid, component):
         estimator.ways_refused = 0
     source.used += 1
     estimator.used_epoch[aid, component] = state.epoch

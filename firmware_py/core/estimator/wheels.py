@@ -40,6 +40,12 @@ FORWARD, ACROSS, UPWARD = 0, 1, 2
 
 
 @compiled
+def is_forward(aid: int, component: int) -> bool:
+    """Return whether a measurement is the way forward, which the wheel counts."""
+    return bool(aid == _ODOMETER and component == FORWARD)
+
+
+@compiled
 def begin(state: Ram) -> None:
     """Begin with the filter."""
     state.estimator.odometer_epoch = -1

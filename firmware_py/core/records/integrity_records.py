@@ -61,7 +61,7 @@ class Verdict(IntEnum):
     """The verdict on a device since a measurement of it was refused."""
 
     NONE = 0  # nothing is refused, nor was of late
-    ASKED = 1  # one was beyond the gate in this second
+    ASKED = 1  # it is to be judged in this second
     OPEN = 2  # it may be right
     OWN_FAULT = 3  # the device fails, for certain
     PASSED = 4  # it did, and agrees again, but not yet often enough
