@@ -88,13 +88,14 @@ def seconds_of(errors: Errors, estimates: Records[EstimatorSecond], rate_hz: int
     """Return what both logs of a run say of the same seconds.
 
     The navigation has the corrections of a second from its next epoch on, as on the bus, where its
-    σ comes after that.
+    σ comes after that. Where a long run has no sample soon after, the one before is taken.
     """
     if not len(errors) or not len(estimates):
         return no_seconds()
-    epochs = estimates["epoch"] + 1
-    at = np.minimum(np.searchsorted(errors.epoch, epochs), len(errors) - 1)
-    is_there = np.abs(errors.epoch[at] - epochs) <= _NEAR_S * rate_hz
+    epochs, near = estimates["epoch"] + 1, _NEAR_S * rate_hz
+    after = np.minimum(np.searchsorted(errors.epoch, epochs), len(errors) - 1)
+    at = np.maximum(after - (errors.epoch[after] - epochs > near), 0)
+    is_there = np.abs(errors.epoch[at] - epochs) <= near
     at, known = at[is_there], estimates[is_there]
     error = np.zeros((len(at), BOUNDS))
     error[:, HORIZONTAL] = np.hypot(errors.position_east_m[at], errors.position_north_m[at])
