@@ -61,7 +61,7 @@ def _identification() -> Iterator[str]:
     ):
         yield f"| {name} | {value} |"
     yield (
-        f"\nRequested block size: {access.BLOCK_SIZE} (no limit). Longest message: "
+        f"\nRequested block size: {access.BLOCK_SIZE} frames. Longest message: "
         f"{access.MESSAGE_CAPACITY} bytes. Transmit limit: {access.FRAMES_PER_SECOND} frames a "
         f"second. Padding: 0x{access.PADDING:02X}."
     )

@@ -34,8 +34,12 @@ N_CR_MS = 1000
 ST_MIN_MS = 1
 """STmin: separation time that the firmware requests, ms."""
 
-BLOCK_SIZE = 0
-"""Block size that the firmware requests: consecutive frames per flow control; 0: all."""
+BLOCK_SIZE = 64
+"""Block size that the firmware requests: consecutive frames per flow control.
+
+Half of the shortest queue for them (`transport.Transport.put`), so that a tool that goes on while
+the firmware is held up loses nothing.
+"""
 
 PADDING = 0xCC
 """Padding byte that fills frames up to eight bytes (ISO 15765-2)."""

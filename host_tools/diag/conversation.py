@@ -151,7 +151,7 @@ class Conversation:
 
     def _change_session(self, session: Session) -> None:
         self.forget_session()
-        self._carry_out(
+        self.carry_out(
             f"session {session.name.lower()}", lambda: self.client.change_session(int(session))
         )
         self.session = session
@@ -173,7 +173,7 @@ class Conversation:
 
     def _pass_security(self) -> None:
         level = access.SEED_SUBFUNCTION
-        self._carry_out("security access", lambda: self.client.unlock_security_access(level))
+        self.carry_out("security access", lambda: self.client.unlock_security_access(level))
         self._is_unlocked = True
 
     def _provide(self, wanted: Access) -> None:
@@ -244,7 +244,7 @@ class Conversation:
                     failure, is_lost = refused, refused.code in _LOST_BETWEEN
                 else:
                     try:
-                        return self._carry_out(what, call, is_repeatable)
+                        return self.carry_out(what, call, is_repeatable)
                     except _Refused as refused:
                         failure, is_lost = refused, self._is_lost(refused.code, lost)
                 if not is_lost:
@@ -259,8 +259,11 @@ class Conversation:
             return False
         return self._is_unlocked or code != Code.SECURITY_ACCESS_DENIED
 
-    def _carry_out(self, what: str, call: Callable[[], _T], is_repeatable: bool = True) -> _T:
-        """Send a request; repeat it if the response was lost or the computer was busy."""
+    def carry_out(self, what: str, call: Callable[[], _T], is_repeatable: bool = True) -> _T:
+        """Send a request; repeat it if the response was lost or the computer was busy.
+
+        For a request within others, as the blocks of a transfer; it raises what `request` does.
+        """
         last: Exception | None = None
         for _ in range(_ATTEMPTS):
             try:

@@ -322,7 +322,7 @@ class Tester(Closing):
         counter = 0
         while len(file) < description["length"]:
             counter += 1
-            block = self._client.transfer_data(counter & 0xFF)
+            block = self._transfer("calibration pull", counter)
             file += block.service_data.parameter_records
         crc = bytes(self._client.request_transfer_exit().service_data.parameter_records)
         if int.from_bytes(crc, "big") != zlib.crc32(file):
@@ -344,8 +344,14 @@ class Tester(Closing):
         accepted = self._client.request_download(location, DataFormatIdentifier())
         block = accepted.service_data.max_length - _BLOCK_OVERHEAD
         for counter, start in enumerate(range(0, len(file), block), 1):
-            self._client.transfer_data(counter & 0xFF, file[start : start + block])
+            self._transfer("calibration push", counter, file[start : start + block])
         self._client.request_transfer_exit(zlib.crc32(file).to_bytes(4, "big"))
+
+    def _transfer(self, what: str, counter: int, *data: bytes) -> Any:
+        """Transfer a block; only the block is repeated if its response is lost."""
+        return self.conversation.carry_out(
+            what, lambda: self._client.transfer_data(counter & 0xFF, *data)
+        )
 
 
 def _portions(dids: Sequence[DataIdentifier]) -> Iterator[list[DataIdentifier]]:

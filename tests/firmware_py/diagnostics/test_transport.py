@@ -100,13 +100,31 @@ def test_a_tool_that_goes_away_is_given_up_after_a_second(tool):
     assert collect(tool, 10, [GO_ON]) == []
 
 
-def test_a_long_request_is_taken_and_its_flow_control_asks_for_all(tool):
+def test_a_long_request_is_taken_after_flow_control(tool):
     tool.ask("1003")
     request = bytes.fromhex("2e1101") + bytes(40)
-    assert tool.step([bytes([0x10, 43]) + request[:6]]) == [bytes.fromhex("300001cccccccccc")]
+    assert tool.step([bytes([0x10, 43]) + request[:6]]) == [bytes.fromhex("304001cccccccccc")]
     parts = [request[6 + 7 * k : 13 + 7 * k] for k in range(6)]
     frames = [bytes([0x20 | k + 1]) + part for k, part in enumerate(parts)]
     assert collect(tool, 1, frames) == [bytes.fromhex("037f2e33cccccccc")]
+
+
+@pytest.mark.parametrize("rate_hz", [50, 200, 1000])
+def test_a_tool_that_goes_on_while_the_computer_is_held_up_loses_nothing(tool_at, rate_hz):
+    """Its blocks arrive whole within an epoch: as many frames as flow control asks for."""
+    tool = tool_at(rate_hz=rate_hz)
+    tool.ask("1003")
+    request = bytes.fromhex("2e1101") + bytes(access.MESSAGE_CAPACITY - 3)
+    frames = [bytes([0x1F, 0xFF]) + request[:6]]
+    starts = range(6, len(request), 7)
+    frames += [bytes([0x20 | k % 16]) + request[s : s + 7] for k, s in enumerate(starts, 1)]
+    sent, heard = 1, collect(tool, 0, frames[:1])
+    while heard and heard[0][0] == 0x30:
+        block = frames[sent : sent + (heard[0][1] or len(frames))]
+        sent += len(block)
+        heard = collect(tool, 10, block)
+    assert sent == len(frames)
+    assert heard == [bytes.fromhex("037f2e33cccccccc")]
 
 
 def test_a_request_that_is_not_finished_is_forgotten_after_a_second(tool):
@@ -211,7 +229,7 @@ def test_the_session_lasts_while_a_request_is_coming(tool):
 
 
 def test_a_request_too_long_is_refused_with_overflow(tool):
-    assert tool.step([bytes.fromhex("1000000010002211")]) == [bytes.fromhex("320001cccccccccc")]
+    assert tool.step([bytes.fromhex("1000000010002211")]) == [bytes.fromhex("324001cccccccccc")]
 
 
 def test_a_flood_costs_a_bounded_share_of_an_epoch(tool):

@@ -170,12 +170,15 @@ class Tool:
     def _send_long(self, request: bytes) -> bool:
         size = len(request).to_bytes(2, "big")
         self._step([bytes([0x10 | size[0], size[1]]) + request[:6]])
-        if self._next() is None:
-            return False
         rest = [request[k : k + 7] for k in range(6, len(request), 7)]
         frames = [bytes([0x20 | (k + 1) & 15]) + part for k, part in enumerate(rest)]
-        for k in range(0, len(frames), 8):
-            self._step(frames[k : k + 8])
+        while frames:
+            flow = self._next()
+            if flow is None:
+                return False
+            block, frames = frames[: flow[1]], frames[flow[1] :]
+            for k in range(0, len(block), 8):
+                self._step(block[k : k + 8])
         return True
 
     def _receive(self, flow: bytes) -> bytes | None:

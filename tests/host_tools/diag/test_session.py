@@ -6,6 +6,7 @@ import os
 
 import numpy as np
 import pytest
+import udsoncan
 
 from rrins.firmware_py.core.records.memory import Ram
 from rrins.firmware_py.diagnostics import table
@@ -107,6 +108,25 @@ def test_a_transfer_that_is_cut_off_begins_anew(computer, monkeypatch):
         monkeypatch.setattr(tester.conversation.client, "transfer_data", transfer_data)
         assert tester.pull().startswith(b"RRCA")
         assert [block for (block,) in calls] == [1, 1, *range(2, len(calls))]
+
+
+def test_a_block_whose_answer_is_lost_is_transferred_again_alone(computer, monkeypatch):
+    with computer.tester() as tester:
+        transfer, calls = tester.conversation.client.transfer_data, []
+
+        def transfer_data(block, *data):
+            response = transfer(block, *data)
+            calls.append(block)
+            if calls[-2:-1] != [block]:
+                raise udsoncan.exceptions.TimeoutException("its answer is lost")
+            return response
+
+        monkeypatch.setattr(tester.conversation.client, "transfer_data", transfer_data)
+        file = tester.pull()
+        blocks = max(calls)
+        assert blocks > 1
+        tester.push(file)
+        assert calls == 2 * [block for number in range(1, blocks + 1) for block in 2 * [number]]
 
 
 def test_answers_that_are_lost_are_asked_for_again(computer):

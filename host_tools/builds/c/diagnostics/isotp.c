@@ -131,6 +131,7 @@ static void receive_first(struct isotp *tp, const struct can_data *frame)
     size_t length = (size_t)(frame->at[0] & 0x0F) << 8 | frame->at[1];
     tp->received.size = 0;
     tp->last_sequence = 0;
+    tp->in_block = 0;
     tp->flow_due = true;
     tp->flow_overflow = length == 0; /* announces more than there is room for */
     tp->is_receiving = !tp->flow_overflow;
@@ -154,8 +155,14 @@ static void receive_consecutive(struct isotp *tp, const struct can_data *frame)
     size = size < missing ? size : missing;
     memcpy(tp->received.at + tp->received.size, frame->at + 1, size);
     tp->received.size += size;
-    if (tp->received.size < tp->announced)
+    if (tp->received.size < tp->announced) {
+        if (++tp->in_block == BLOCK_SIZE) {
+            tp->in_block = 0;
+            tp->flow_due = true;
+            tp->consecutive.runs = false; /* until the flow control is sent */
+        }
         return;
+    }
     keep(queued(tp->requests, &tp->request_first, &tp->request_count), tp->received.at,
          tp->received.size);
     stop_receiving(tp);

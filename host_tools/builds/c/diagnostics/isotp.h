@@ -39,6 +39,7 @@ struct isotp {
     struct message received;
     size_t announced;
     uint8_t last_sequence;
+    size_t in_block; /* consecutive frames since flow control */
     struct timer consecutive;
     bool flow_due, flow_overflow;
     bool has_flow;
