@@ -7,8 +7,9 @@ lost. Here it comes back at once, and the worker is replaced.
 from __future__ import annotations
 
 import logging
+import math
 import queue
-import warnings
+import time
 from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
@@ -24,6 +25,7 @@ _IGNORE_CTRL_C = "import signal\nsignal.signal(signal.SIGINT, signal.SIG_IGN)\n"
 """Run by each worker of this machine: Ctrl-C is the client's to handle."""
 
 _FEWEST_AHEAD = 4
+_COUNT_EVERY_S = 1.0  # asking for each chunk would keep 1600 threads waiting
 _log: Final = logging.getLogger(__name__)
 
 
@@ -93,14 +95,21 @@ class Cluster:
         self._where = where
         self._done: queue.SimpleQueue[tuple[Chunk, Any]] = queue.SimpleQueue()
         self._under_way: dict[Chunk, Any] = {}
+        self._workers, self._counted = 0, -math.inf
+
+    def workers(self) -> int:
+        """Return how many threads the workers have, as of this second; they may come and go."""
+        now = time.monotonic()
+        if now - self._counted >= _COUNT_EVERY_S:
+            try:
+                self._workers, self._counted = sum(self._client.nthreads().values()), now
+            except (OSError, TimeoutError, *self._cancelled) as error:
+                raise self._gone() from error
+        return self._workers
 
     def room(self) -> int:
-        """Return how many more chunks it takes now; workers may come and go."""
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            workers = self._client.scheduler_info(n_workers=-1)["workers"].values()
-        threads = sum(int(worker["nthreads"]) for worker in workers)
-        return max(_FEWEST_AHEAD, AHEAD * threads) - len(self._under_way)
+        """Return how many more chunks it takes now; those of the first workers may wait here."""
+        return max(_FEWEST_AHEAD, AHEAD * self.workers()) - len(self._under_way)
 
     def submit(self, chunk: Chunk) -> None:
         """Take a chunk."""
@@ -117,8 +126,11 @@ class Cluster:
             When a worker refuses the work, or the scheduler is gone.
         """
         if self._client.status not in ("running", "connecting"):
-            raise CampaignError(f"Dask scheduler {self._where}: is gone; the same command goes on")
+            raise self._gone()
         return taken(self._done, timeout_s, self._take)
+
+    def _gone(self) -> CampaignError:
+        return CampaignError(f"Dask scheduler {self._where}: is gone; the same command goes on")
 
     def _take(self, runs: Chunk, future: Any) -> Done:
         self._under_way.pop(runs, None)
@@ -129,9 +141,7 @@ class Cluster:
         except (*self._cancelled, TimeoutError) as error:
             if self._local is not None:  # its scheduler is here: the rows went with a worker
                 return Done(runs, [], f"{type(error).__name__}: {error}"[:200])
-            raise CampaignError(
-                f"Dask scheduler {self._where}: is gone; the same command goes on"
-            ) from error
+            raise self._gone() from error
         except RehearsalError:
             raise
         except Exception as error:  # whatever a worker of other libraries raises
@@ -142,10 +152,14 @@ class Cluster:
 
     def close(self) -> list[Done]:
         """Let go of what is under way and of the cluster; return nothing."""
-        self._end(lambda: self._client.cancel(list(self._under_way.values()), force=True))
-        self._end(lambda: self._client.close(timeout=5))
-        if self._local is not None:
-            self._end(lambda: self._local.close(timeout=10))
+        logging.disable(logging.CRITICAL)  # Dask tells of what it cancels, by any module's name
+        try:
+            self._end(lambda: self._client.cancel(list(self._under_way.values()), force=True))
+            self._end(lambda: self._client.close(timeout=5))
+            if self._local is not None:
+                self._end(lambda: self._local.close(timeout=10))
+        finally:
+            logging.disable(logging.NOTSET)
         return []
 
     def _end(self, call: Callable[[], object]) -> None:

@@ -23,7 +23,13 @@ from rrins.host_tools.runs.rehearsal import Interrupted
 CHUNK_S = 4.0
 """Duration of a chunk: the most that a crash costs, for each worker."""
 
+FAR_CHUNK_S = 30.0
+"""The same on a cluster, whose many workers share one client."""
+
 MOST_OF_CHUNK = 256
+_PART_S = 1.0
+"""Time between two parts; rows that come sooner wait for those that follow."""
+
 _POLL_S = 0.2
 _MOST_LOSSES = 3
 """Times that a run may take its worker with it before it counts as failed."""
@@ -44,6 +50,7 @@ class Progress:
     begun_with: int  #: runs that were stored before
     failed: int = 0  #: of those that were run now, the ones without an end
     lost: int = 0  #: chunks that were run again as their worker was gone
+    workers: int | None = None  #: threads that there are
     #: the figure that is watched, of the runs of now that came to their end
     values: array[float] = field(default_factory=lambda: array("d"))
     begin: float = field(default_factory=time.monotonic)
@@ -86,6 +93,8 @@ class Conductor:
         The column whose figures the progress has.
     at_once : int
         Runs of a chunk at least.
+    chunk_s : float
+        Duration of a chunk.
     """
 
     def __init__(
@@ -98,12 +107,13 @@ class Conductor:
         stop: threading.Event | None = None,
         watched: str = MAIN,
         at_once: int = 1,
+        chunk_s: float = CHUNK_S,
     ) -> None:
         self._store, self._engine, self._until = store, engine, until
         self._silence_s = silence_s
         self._on_progress = on_progress
         self._stop = stop or threading.Event()
-        self._watched, self._at_once = watched, at_once
+        self._watched, self._at_once, self._chunk_s = watched, at_once, chunk_s
         self._run_s: float | None = None
         self._losses: dict[int, int] = {}
         stored = store.stored()
@@ -112,6 +122,8 @@ class Conductor:
         is_left[stored[stored < runs]] = False
         self._left = deque(_stretches(is_left))
         self._again: deque[Chunk] = deque()
+        self._rows: list[Row] = []
+        self._written = -math.inf
         self.progress = Progress(runs, len(stored), len(stored))
         self._prefix = _Prefix(store, until) if until is not None else None
 
@@ -141,20 +153,27 @@ class Conductor:
                 last = time.monotonic() if done else last
                 for one in done:
                     self._take(one)
+                if time.monotonic() - self._written >= _PART_S:
+                    self._write()
+                self.progress.workers = self._engine.workers()
                 self._on_progress(self.progress)
                 if self._stop.is_set():
+                    self._write()
                     raise Interrupted(
                         f"stopped by the user: {self._stored_words()}; the same command goes on"
                     )
                 if time.monotonic() - last > self._silence_s:
+                    what = "has given anything" if self.progress.workers else "has come"
                     raise CampaignError(
-                        f"no worker has given anything for {self._silence_s:g} s: "
+                        f"no worker {what} for {self._silence_s:g} s: "
                         f"{self._stored_words()}; the same command goes on"
                     )
         finally:
             for one in self._engine.close():
                 self._take(one)
-            self._flush()
+            self._write()
+        self._store.merge()
+        self._on_progress(self.progress)
         return self.progress
 
     def _stored_words(self) -> str:
@@ -172,7 +191,7 @@ class Conductor:
         if self._run_s is None:
             size = 1
         else:
-            size = min(max(int(CHUNK_S / max(self._run_s, 1e-4)), 1), MOST_OF_CHUNK)
+            size = min(max(int(self._chunk_s / max(self._run_s, 1e-4)), 1), MOST_OF_CHUNK)
         size = max(size, self._at_once)
         first, last = self._left.popleft()
         if last - first > size:
@@ -181,7 +200,7 @@ class Conductor:
         return tuple(range(first, last))
 
     def _take(self, done: Done) -> None:
-        """Store what has come back; run again what was lost."""
+        """Keep what has come back; run again what was lost."""
         if done.lost is not None:
             self._lose(done)
             return
@@ -191,23 +210,17 @@ class Conductor:
         self._keep(done.rows)
 
     def _keep(self, rows: Sequence[Row]) -> None:
-        """Store rows, at once or when all before them are there."""
+        """Keep rows for the next part, or until all before them are there."""
         if self._prefix is None:
-            self._write(list(rows))
-            return
-        self._prefix.add(rows)
-        self._flush()
+            self._rows += rows
+        else:
+            self._prefix.add(rows)
+            self._rows += self._prefix.ready()
 
-    def _flush(self) -> None:
-        if self._prefix is None:
-            return
-        self._write(self._prefix.ready())
-        if self._prefix.end is not None and self._store.stopped_at is None:
-            assert self._until is not None
-            self._store.note_end(self._prefix.end, self._until.text)
-            self.progress.planned = self._prefix.end
-
-    def _write(self, rows: list[Row]) -> None:
+    def _write(self) -> None:
+        """Store what has come as a part; note the end where the criterion holds."""
+        rows, self._rows = self._rows, []
+        self._written = time.monotonic() if rows else self._written
         self._store.write(rows)
         self.progress.stored += len(rows)
         self.progress.failed += sum(row["status"] != OK for row in rows)
@@ -215,6 +228,10 @@ class Conductor:
             value = row.get(self._watched)
             if row["status"] == OK and value is not None and math.isfinite(value):
                 self.progress.values.append(value)
+        if self._prefix is not None and self._prefix.end is not None:
+            assert self._until is not None
+            self._store.note_end(self._prefix.end, self._until.text)
+            self.progress.planned = self._prefix.end
 
     def _lose(self, done: Done) -> None:
         """Hand out again, in halves, what a worker took with it; a single run a few times."""

@@ -37,6 +37,9 @@ class Done:
 class Engine(Protocol):
     """Runs chunks."""
 
+    def workers(self) -> int:
+        """Return how many threads it has; a cluster may have none yet."""
+
     def room(self) -> int:
         """Return how many more chunks it takes now."""
 
@@ -77,6 +80,10 @@ class Threads:
         self._pool = ThreadPoolExecutor(workers, thread_name_prefix="rrins-campaign")
         self._done: queue.SimpleQueue[tuple[Chunk, Future[list[Row]]]] = queue.SimpleQueue()
         self._under_way = 0
+
+    def workers(self) -> int:
+        """Return how many threads it has."""
+        return self._workers
 
     def room(self) -> int:
         """Return how many more chunks it takes now."""

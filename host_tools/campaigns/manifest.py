@@ -50,6 +50,8 @@ class Manifest(_Table):
     stopped_at: int | None = Field(default=None, ge=0)
     until: str | None = None
     parts: dict[str, _Digest] = Field(default_factory=dict)
+    merged: dict[str, list[str]] = Field(default_factory=dict)
+    """The parts for which one stands as soon as it is there; they are being deleted."""
     digest: _Digest | None = None
     """Of all the rest; those of earlier versions have none."""
 
@@ -62,6 +64,8 @@ class Manifest(_Table):
             When it cannot be written.
         """
         values = self.model_dump(by_alias=True, exclude_none=True, exclude={"digest"})
+        if not self.merged:
+            del values["merged"]
         values["digest"] = _digest_of(values)
         write_text(folder / MANIFEST, json.dumps(values, indent=1, ensure_ascii=False) + "\n")
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from rrins.compiled.compile_events import compiling_watched
-from rrins.host_tools.campaigns.conduct import Conductor, Progress
+from rrins.host_tools.campaigns.conduct import CHUNK_S, FAR_CHUNK_S, Conductor, Progress
 from rrins.host_tools.campaigns.engines import ENGINES, Engine, Threads, processors
 from rrins.host_tools.campaigns.errors import CampaignError
 from rrins.host_tools.campaigns.row import MAIN, Work, at_once, rows_of
@@ -68,6 +68,11 @@ class Workers:
             raise CampaignError(f"scheduler file {scheduler_file}: is not there")
         return cls(engine, count, address, scheduler_file)
 
+    @property
+    def are_here(self) -> bool:
+        """Whether they are this process's, or processes of this machine."""
+        return self.address is None and self.scheduler_file is None
+
     def start(self, work: Work) -> Engine:
         """Return the engine, ready for chunks.
 
@@ -113,7 +118,8 @@ def run(
     check_code_folder()
     work = Work.of(store.definition)
     with store.locked():
-        if workers.address is None and workers.scheduler_file is None:
+        chunk_s = CHUNK_S if workers.are_here else FAR_CHUNK_S
+        if workers.are_here:
             with compiling_watched(on_compiling):
                 rows_of(work, ())  # once, for all workers of this machine
         watched = MAIN if until is None else until.column
@@ -121,4 +127,6 @@ def run(
         many = at_once(store.definition)
         if many > 1:  # as long as every worker has some
             many = max(1, min(many, store.definition.runs // workers.count))
-        return Conductor(store, engine, until, silence_s, on_progress, stop, watched, many).run()
+        return Conductor(
+            store, engine, until, silence_s, on_progress, stop, watched, many, chunk_s
+        ).run()

@@ -4,13 +4,15 @@
 
     _manifest.json         what decides about the rows, and the digest of each part and of itself;
                            readers of Parquet pass it over
-    part-00000000.parquet  some rows; the number is that of the first of its runs
+    part-00000000.parquet  some rows; the number is that of the first of its runs, and with a second
+                           one, that of the last: parts that were merged
     _report/               what `report` writes
     _reruns/17/            a run that was run again with everything kept
 
 A part is written under another name and renamed, so that it is there whole or not at all. What is
 left to do is what is planned less what is stored. Its digest is in the manifest before it is there;
-when it is read, the digest and the checksums of its pages must hold.
+when it is read, the digest and the checksums of its pages must hold. In the end parts are merged:
+the manifest says for which ones the new one stands, until those are deleted.
 """
 
 from __future__ import annotations
@@ -45,6 +47,7 @@ if TYPE_CHECKING:
 REPORTS: Final = "_report"
 RERUNS: Final = "_reruns"
 _LOCK: Final = ".lock"
+_MOST_MERGED: Final = 50_000  # rows
 _REPAIR: Final = "delete it to run its runs again"
 
 
@@ -77,6 +80,7 @@ class Store:
         self.definition = definition
         self.schema = schema_of(definition)
         self._digests: dict[str, str] = {}
+        self._merged: dict[str, list[str]] = {}
         self._end: dict[str, Any] = {}
         self._sound: set[tuple[str, int, int]] = set()
 
@@ -93,7 +97,7 @@ class Store:
             store = cls(folder, Definition.of(manifest.campaign.model_dump()))
         except (RehearsalError, ValueError) as error:
             raise CampaignError(f"{folder / MANIFEST}: {error}") from error
-        store._digests = dict(manifest.parts)
+        store._know_parts(manifest)
         return store
 
     @classmethod
@@ -112,11 +116,14 @@ class Store:
         if (folder / MANIFEST).exists():
             manifest = read_manifest(folder)
             store._check(manifest)
-            store._digests = dict(manifest.parts)
+            store._know_parts(manifest)
         elif any(folder.glob("*.parquet")):
             raise CampaignError(f"{folder}: has Parquet files without {MANIFEST}; name another")
         store._write_manifest()
         return store
+
+    def _know_parts(self, manifest: Manifest) -> None:
+        self._digests, self._merged = dict(manifest.parts), dict(manifest.merged)
 
     def _check(self, manifest: Manifest) -> None:
         """Refuse to go on with a campaign that is another one."""
@@ -153,7 +160,7 @@ class Store:
         )
 
     def _write_manifest(self) -> None:
-        now = {"parts": self._digests, **self._end}
+        now = {"parts": self._digests, "merged": self._merged, **self._end}
         self._mine.model_copy(update=now).write(self.folder)
 
     def note_end(self, runs: int, words: str) -> None:
@@ -187,11 +194,14 @@ class Store:
                 raise CampaignError(f"{self.folder}: another campaign writes there") from error
             for left in self.folder.glob(".part-*"):  # of a client that was killed
                 left.unlink(missing_ok=True)
+            self._delete_merged()
             yield
 
     def parts(self) -> list[Path]:
         """Return the parts, in order."""
-        return sorted(self.folder.glob("part-*.parquet"))
+        found = {path.name: path for path in self.folder.glob("part-*.parquet")}
+        gone = [name for new in self._merged.keys() & found for name in self._merged[new]]
+        return [found[name] for name in sorted(found.keys() - set(gone))]
 
     def stored(self) -> NDArray[np.int64]:
         """Return the numbers of the runs that are stored, sorted.
@@ -264,7 +274,6 @@ class Store:
             When they cannot be written.
         """
         import pyarrow as pa
-        from pyarrow import parquet
 
         if not rows:
             return
@@ -273,10 +282,61 @@ class Store:
             pa.array([_cell(row.get(field.name), field) for row in inorder], type=field.type)
             for field in self.schema
         ]
-        path = self.folder / f"part-{inorder[0]['run']:08d}.parquet"
+        table = pa.Table.from_arrays(arrays, schema=self.schema)
+        self._put(self.folder / f"part-{inorder[0]['run']:08d}.parquet", table)
+
+    def merge(self) -> None:
+        """Merge the parts into few; whenever that ends, nothing is missing or double.
+
+        Raises
+        ------
+        CampaignError
+            When a part is unreadable, or the new one cannot be written.
+        """
+        import pyarrow as pa
+
+        for group in self._groups():
+            table = pa.concat_tables([self._read(path, None) for path in group]).sort_by("run")
+            first, last = table["run"][0].as_py(), table["run"][-1].as_py()
+            path = self.folder / f"part-{first:08d}-{last:08d}.parquet"
+            self._merged = {path.name: [one.name for one in group]}
+            self._put(path, table)
+            self._delete_merged()
+
+    def _groups(self) -> Iterator[list[Path]]:
+        """Yield parts that are to be merged."""
+        from pyarrow import parquet
+
+        group: list[Path] = []
+        rows = 0
+        for path in self.parts():
+            more = parquet.read_metadata(path).num_rows
+            if group and rows + more > _MOST_MERGED:
+                if len(group) > 1:
+                    yield group
+                group, rows = [], 0
+            group.append(path)
+            rows += more
+        if len(group) > 1:
+            yield group
+
+    def _delete_merged(self) -> None:
+        """Delete the parts for which another stands; that one itself, if it never came."""
+        if not self._merged:
+            return
+        for new, olds in self._merged.items():
+            for name in olds if (self.folder / new).exists() else [new]:
+                (self.folder / name).unlink(missing_ok=True)
+                self._digests.pop(name, None)
+        self._merged = {}
+        self._write_manifest()
+
+    def _put(self, path: Path, table: pa.Table) -> None:
+        """Write a part, whole or not at all."""
+        from pyarrow import parquet
+
         part = path.with_name(f".{path.stem}.{os.getpid()}")
         content = io.BytesIO()
-        table = pa.Table.from_arrays(arrays, schema=self.schema)
         parquet.write_table(table, content, write_page_checksum=True)
         self._digests[path.name] = hashlib.sha256(content.getbuffer()).hexdigest()
         self._write_manifest()

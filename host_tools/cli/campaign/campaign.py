@@ -165,6 +165,8 @@ def _run(store: Store, options: dict[str, Any], as_json: bool) -> None:
             state = [f"{progress.stored} of {progress.planned}", f"{rounded(progress.rate)} runs/s"]
             if figures is not None:
                 state.append("p50 {} p95 {}{}".format(*map(summary.shown, figures), unit))
+            if progress.workers == 0:
+                state.append("no workers yet")
             if progress.failed:
                 state.append(f"{progress.failed} without an end")
             line.update(

@@ -95,6 +95,18 @@ def test_by_address_and_without_a_word_it_ends(cluster, tmp_path):
         cluster.workers[1].send_signal(signal.SIGCONT)
 
 
+@pytest.mark.slow
+def test_a_scheduler_without_workers_is_told_of_at_once(tmp_path):
+    store = Store.create(tmp_path / "c", campaign())
+    told = []
+    alone = {"n_workers": 0, "processes": False, "dashboard_address": None}
+    with distributed.LocalCluster(**alone) as cluster:
+        address = Workers.of(cluster.scheduler_address)
+        with pytest.raises(CampaignError, match="no worker has come for 1 s: 0 of 160 runs"):
+            run(store, address, silence_s=1.0, on_progress=lambda now: told.append(now.workers))
+    assert told[0] == 0
+
+
 @pytest.mark.parametrize("what", ["sources", "versions"])
 def test_workers_of_other_sources_or_libraries_are_refused(what):
     work = Work.of(campaign())

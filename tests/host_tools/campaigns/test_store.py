@@ -1,15 +1,19 @@
 from __future__ import annotations
 
+import itertools
 import json
 import struct
+from pathlib import Path
 
 import duckdb
 import numpy as np
 import pandas as pd
 import pytest
 
+from rrins.host_tools.campaigns.conduct import Conductor
 from rrins.host_tools.campaigns.definition import Wishes, load
 from rrins.host_tools.campaigns.distributions import parse
+from rrins.host_tools.campaigns.engines import Done
 from rrins.host_tools.campaigns.errors import CampaignError
 from rrins.host_tools.campaigns.manifest import MANIFEST, read_manifest
 from rrins.host_tools.campaigns.store import Store
@@ -107,6 +111,48 @@ def test_a_part_that_is_damaged_or_double_is_named(store):
         store.stored()
 
 
+def test_parts_are_merged_and_whenever_that_ends_nothing_is_missing_or_double(
+    tmp_path, monkeypatch
+):
+    steps = [(Path, "replace"), (Path, "unlink"), (Store, "_write_manifest")]
+    calls = {step: getattr(*step) for step in steps}
+    left = 0
+
+    def until_killed(step):
+        def call(*arguments, **named):
+            nonlocal left
+            left -= 1
+            if left < 0:
+                raise KeyboardInterrupt
+            return calls[step](*arguments, **named)
+
+        return call
+
+    for survived in itertools.count():
+        store = Store.create(tmp_path / str(survived), campaign())
+        for runs in ((7, 3), (0, 1), (9,)):
+            store.write([row(store.definition, run, horizontal_error_m=run / 3) for run in runs])
+        before, left = store.table(), survived
+        with monkeypatch.context() as patched:
+            for step in steps:
+                patched.setattr(*step, until_killed(step))
+            try:
+                store.merge()
+                is_killed = False
+            except KeyboardInterrupt:
+                is_killed = True
+        again = Store.open(store.folder)
+        assert again.table().equals(before)
+        with again.locked():
+            again.merge()
+        assert [part.name for part in again.parts()] == ["part-00000000-00000009.parquet"]
+        assert len(list(store.folder.glob("*part*"))) == 1
+        assert Store.open(store.folder).table().equals(before)
+        if not is_killed:
+            break
+    assert survived > 5
+
+
 def test_a_flipped_bit_of_a_part_is_named_and_never_another_number(store):
     rows = [row(store.definition, run, horizontal_error_m=run / 7) for run in range(10)]
     store.write(rows)
@@ -176,3 +222,37 @@ def test_a_manifest_with_wrong_keys_or_types_is_one_line(store, change, words):
         Store.open(store.folder)
     assert MANIFEST in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+class _Quick:
+    """An engine whose chunks come back at once, one at a time."""
+
+    def __init__(self, definition):
+        self._definition, self._runs = definition, ()
+
+    def workers(self):
+        return 1600
+
+    def room(self):
+        return not self._runs
+
+    def submit(self, chunk):
+        self._runs = chunk
+
+    def wait(self, timeout_s):
+        runs, self._runs = self._runs, ()
+        return [Done(runs, [row(self._definition, run) | {"wall_s": 4.0} for run in runs])]
+
+    def close(self):
+        return []
+
+
+def test_rows_that_come_soon_after_each_other_share_a_part(tmp_path, monkeypatch):
+    store = Store.create(tmp_path, campaign(runs=300))
+    monkeypatch.setattr(store, "merge", lambda: None)
+    seen = []
+    engine = _Quick(store.definition)
+    progress = Conductor(store, engine, on_progress=lambda now: seen.append(now.stored)).run()
+    assert store.stored().tolist() == list(range(300))
+    assert len(seen) == 301  # a run to a chunk, as each takes 4 s, and the end
+    assert len(store.parts()) <= 2 + progress.wall_s
