@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
@@ -78,6 +79,7 @@ class Scheme(_Checked):
         return sum(self.position_s(turn) for turn in self.turns)
 
 
+@lru_cache(64)
 def check_weights(weights: tuple[float, ...], axes_deg: tuple[tuple[float, float], ...]) -> None:
     """Raise ValueError unless sensors along these axes can be fused with these weights."""
     if min(weights) <= 0:
@@ -281,13 +283,13 @@ def power_on(settings: Settings, contract: Records[Contract]) -> Records[Ram]:
         len(settings.accelerometer_axes_deg),
     )
     calibration.fill_origin(state.calibration, settings.calibration.calibrated)
-    redundancy.blank(state)
     if settings.redundancy is not None:
         sensor = contract[0].sensor[0]
         resolutions = (float(sensor.gyro_dtheta.scale), float(sensor.accelerometer_dv.scale))
         redundancy.set_up(state, settings.redundancy, rate_hz, resolutions)
         axes = settings.gyro_axes_deg, settings.accelerometer_axes_deg
         drift.set_up(state, settings.calibration, settings.redundancy, axes)
+    redundancy.blank(state)
     if settings.estimator is not None:
         axes = settings.gyro_axes_deg, settings.accelerometer_axes_deg
         estimator.set_up(state, settings.estimator, rate_hz, axes)

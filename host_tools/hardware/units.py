@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -76,6 +77,7 @@ class Called:
     name: str
 
 
+@cache
 def split(key: str) -> tuple[str, Unit]:
     """Return a key's name without its unit, and the unit."""
     parts = key.split("_")
@@ -88,11 +90,17 @@ def split(key: str) -> tuple[str, Unit]:
 
 def by_name(table: BaseModel) -> dict[str, tuple[Any, float]]:
     """Return each value of a table as it is and the SI value of its unit, by name without unit."""
-    found = {}
-    for key, field in type(table).model_fields.items():
+    return {name: (getattr(table, key), si) for key, name, si in _names_of(type(table))}
+
+
+@cache
+def _names_of(kind: type[BaseModel]) -> list[tuple[str, str, float]]:
+    """Return the key, the name without unit and the unit's SI value of each value of a table."""
+    found = []
+    for key, field in kind.model_fields.items():
         name, unit = split(key)
         name = next((item.name for item in field.metadata if isinstance(item, Called)), name)
-        found[name] = (getattr(table, key), unit.si)
+        found.append((key, name, unit.si))
     return found
 
 

@@ -63,28 +63,27 @@ def dispatch_table(contract: Records[Contract], has_xcp: bool = False) -> NDArra
 
     Without `has_xcp` frames of XCP are those of somebody else.
     """
-    record = contract[0]
     table = np.full(2048, _NOTHING, dtype=np.int16)
-    table[record.sync.message.can_id] = _SYNC
-    table[record.mode_command.message.can_id] = _MODE_COMMAND
-    table[record.readmission_command.message.can_id] = _READMISSION
-    table[record.altimeter.message.can_id] = _ALTIMETER
-    table[record.odometer.message.can_id] = _ODOMETER
-    table[record.zero_velocity.message.can_id] = _ZERO_VELOCITY
-    table[record.diag_request.message.can_id] = _DIAGNOSTIC
-    table[record.diag_functional.message.can_id] = _DIAGNOSTIC
-    if has_xcp:
-        table[record.xcp_command.message.can_id] = _XCP
-    table[record.axis_inner_status.message.can_id] = _AXIS + INNER
-    table[record.axis_outer_status.message.can_id] = _AXIS + OUTER
-    for group in range(SENSOR_GROUPS):
-        table[record.sensor[group].message.can_id] = _SENSOR + group
+    actions: dict[str, int | NDArray[np.intp]] = {
+        "sync": _SYNC,
+        "mode_command": _MODE_COMMAND,
+        "readmission_command": _READMISSION,
+        "altimeter": _ALTIMETER,
+        "odometer": _ODOMETER,
+        "zero_velocity": _ZERO_VELOCITY,
+        "diag_request": _DIAGNOSTIC,
+        "diag_functional": _DIAGNOSTIC,
+        "xcp_command": _XCP if has_xcp else _NOTHING,
+        "axis_inner_status": _AXIS + INNER,
+        "axis_outer_status": _AXIS + OUTER,
+        "sensor": _SENSOR + np.arange(SENSOR_GROUPS),
+    }
     parts = ("gnss_time", "gnss_latitude", "gnss_longitude", "gnss_height", "gnss_velocity")
-    for part, name in enumerate(parts):
-        table[record[name].message.can_id] = _GNSS + part
-    for part, name in enumerate(master.MESSAGES):
-        table[record[f"master_{name}"].message.can_id] = _MASTER + part
-    assert record.sync.epoch.length == _EPOCH_BITS
+    actions |= {name: _GNSS + part for part, name in enumerate(parts)}
+    actions |= {f"master_{name}": _MASTER + part for part, name in enumerate(master.MESSAGES)}
+    for name, action in actions.items():
+        table[contract[name]["message"]["can_id"][0]] = action
+    assert contract["sync"]["epoch"]["length"][0] == _EPOCH_BITS
     return table
 
 

@@ -227,33 +227,33 @@ def set_up(
     redundancy: Redundancy = state["redundancy"]
     redundancy["enabled"] = True
     redundancy["second_epochs"] = rate_hz
-    readmission = redundancy["readmission"]
-    for gyros in (redundancy["gyros"], readmission["gyros"]):
-        _set_parity(
-            gyros,
-            settings.gyros,
-            int(state.gyros.count),
-            resolutions[0],
-            state.diagnostics.gyro_repetition,
-            settings,
-            rate_hz,
-            _EXPECTED_GYRO,
-            math.radians(_STANDING_DPS),
-            True,
-        )
-        rate = math.radians(state.parameters.turn_rate_dps)
-        _set_table(gyros, settings, math.radians(state.encoders.step_deg), rate)
-    for accelerometers in (redundancy["accelerometers"], readmission["accelerometers"]):
-        accelerometers["kind"] = ACCELEROMETERS
-        _set_parity(
-            accelerometers,
-            settings.accelerometers,
-            int(state.accelerometers.count),
-            resolutions[1],
-            state.diagnostics.accelerometer_repetition,
-            settings,
-            rate_hz,
-            _EXPECTED_ACCELEROMETER,
-            _STANDING_MPS2,
-            False,
-        )
+    gyros, accelerometers = redundancy["gyros"], redundancy["accelerometers"]
+    _set_parity(
+        gyros,
+        settings.gyros,
+        int(state.gyros.count),
+        resolutions[0],
+        state.diagnostics.gyro_repetition,
+        settings,
+        rate_hz,
+        _EXPECTED_GYRO,
+        math.radians(_STANDING_DPS),
+        True,
+    )
+    rate = math.radians(state.parameters.turn_rate_dps)
+    _set_table(gyros, settings, math.radians(state.encoders.step_deg), rate)
+    accelerometers["kind"] = ACCELEROMETERS
+    _set_parity(
+        accelerometers,
+        settings.accelerometers,
+        int(state.accelerometers.count),
+        resolutions[1],
+        state.diagnostics.accelerometer_repetition,
+        settings,
+        rate_hz,
+        _EXPECTED_ACCELEROMETER,
+        _STANDING_MPS2,
+        False,
+    )
+    redundancy["readmission"]["gyros"] = gyros
+    redundancy["readmission"]["accelerometers"] = accelerometers
