@@ -191,7 +191,9 @@ class RehearsalSource(BusSource):
             except BusError:
                 self._stop.wait(_LOOK_S)
                 continue
-            self._view = View(watch, self._scenario)
+            view = View(watch, self._scenario)
+            view.look()  # its history begins with the run, however late somebody looks again
+            self._view = view
             return True
         return False
 
