@@ -152,6 +152,7 @@ class Cluster:
 
     def close(self) -> list[Done]:
         """Let go of what is under way and of the cluster; return nothing."""
+        disabled = logging.root.manager.disable
         logging.disable(logging.CRITICAL)  # Dask tells of what it cancels, by any module's name
         try:
             self._end(lambda: self._client.cancel(list(self._under_way.values()), force=True))
@@ -159,7 +160,7 @@ class Cluster:
             if self._local is not None:
                 self._end(lambda: self._local.close(timeout=10))
         finally:
-            logging.disable(logging.NOTSET)
+            logging.disable(disabled)
         return []
 
     def _end(self, call: Callable[[], object]) -> None:

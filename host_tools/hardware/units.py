@@ -77,7 +77,6 @@ class Called:
     name: str
 
 
-@cache
 def split(key: str) -> tuple[str, Unit]:
     """Return a key's name without its unit, and the unit."""
     parts = key.split("_")

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-import time
+import contextlib
+import threading
 from pathlib import Path
+from unittest.mock import MagicMock
 
 from rrins.host_tools.bus.address import Address
+from rrins.host_tools.dashboard import bus_source
 from rrins.host_tools.dashboard.child import ChildRehearsal, Start
-from rrins.host_tools.dashboard.opening import Subject, opened
 from rrins.host_tools.scenario.scenario import load
 
 
@@ -15,16 +17,16 @@ def descriptors():
     return len(list(Path("/proc/self/fd").iterdir()))
 
 
-def test_its_history_begins_with_it_however_late_somebody_looks(scenario, tmp_path, monkeypatch):
-    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
-    with opened(Subject(str(scenario), duration_s=10.0, speed=0)) as source:
-        while source.status()["phase"] in ("starting", "running"):
-            time.sleep(0.05)
-        assert source.status()["phase"] == "ended"
-        source.view.look()
-        times, _ = source.view.history.rows()
-        assert times[0] == 0.0
-        assert times[-1] > 10.0
+def test_its_history_begins_with_it_however_late_somebody_looks(monkeypatch):
+    attached, child = threading.Event(), MagicMock()
+    child.return_value.__enter__.return_value.outcome.return_value = ("ended", "")
+    monkeypatch.setattr(bus_source, "ChildRehearsal", child)
+    monkeypatch.setattr(bus_source, "Receiver", lambda *arguments: attached.set())
+    start = Start("ideal", load("ideal"), (), Address("rrins", "test_child"))
+    with contextlib.closing(bus_source.RehearsalSource(start, 1.0)) as source:
+        assert attached.wait(60)
+    times, _ = source.view.history.rows()
+    assert times.tolist() == [0.0]
 
 
 def test_one_that_has_ended_holds_no_pipe(tmp_path):
