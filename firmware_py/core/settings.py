@@ -222,26 +222,21 @@ def _fill_odometer(record: Odometer, odometer: OdometerSettings | None, rate_hz:
 def power_on(settings: Settings, contract: Records[Contract]) -> Records[Ram]:
     """Return the RAM image of the firmware at power-on."""
     ram = blank_ram()
-    state = ram[0]
+    _fill_computer(ram[0], settings, contract)
+    fill_unit(ram[0], settings, contract)
+    return ram
+
+
+def _fill_computer(state: Ram, settings: Settings, contract: Records[Contract]) -> None:
+    """Fill in what all units of a design have in common."""
     parameters = state.parameters
     rate_hz = settings.rate_hz
     parameters.period_ns = 1_000_000_000 // rate_hz
-    parameters.latitude = math.radians(settings.latitude_deg)
-    parameters.longitude = math.radians(settings.longitude_deg)
-    parameters.height = settings.height_m
-    matrix_of_euler(
-        parameters.C_b_n,
-        math.radians(settings.roll_deg),
-        math.radians(settings.pitch_deg),
-        math.radians(settings.heading_deg),
-    )
     parameters.angle_span_deg = span_of(contract[0].axis_inner_status.encoder_angle_deg)
     source = settings.initial_attitude.upper().replace("-", "_")
     parameters.initial_attitude = InitialAttitude[source]
     parameters.alignment_epochs = max(1, round(settings.alignment_s * rate_hz))
     parameters.height_channel = _HEIGHT_CHANNELS[settings.height_channel]
-    if settings.estimator is not None and settings.altimeter:
-        estimator.take_altimeter(state)
     parameters.altimeter = settings.altimeter
     state.gnss.interval_epochs = round(settings.gnss_interval_s * rate_hz)
     state.antenna.lever_arm_b[:] = settings.gnss_lever_arm_m
@@ -283,19 +278,36 @@ def power_on(settings: Settings, contract: Records[Contract]) -> Records[Ram]:
         len(settings.accelerometer_axes_deg),
     )
     calibration.fill_origin(state.calibration, settings.calibration.calibrated)
+    redundancy.blank(state)
+    state.dispatch = intake.dispatch_table(contract, has_xcp=settings.xcp is not None)
+    state.epoch = -1
+    clock.power_on(state.clock, parameters.period_ns)
+
+
+def fill_unit(state: Ram, settings: Settings, contract: Records[Contract]) -> None:
+    """Fill in what differs from unit to unit: its pose, and what its data sheets make of faults.
+
+    `state` is at power-on, with settings that may differ in these.
+    """
+    parameters, rate_hz = state.parameters, settings.rate_hz
+    parameters.latitude = math.radians(settings.latitude_deg)
+    parameters.longitude = math.radians(settings.longitude_deg)
+    parameters.height = settings.height_m
+    matrix_of_euler(
+        parameters.C_b_n,
+        math.radians(settings.roll_deg),
+        math.radians(settings.pitch_deg),
+        math.radians(settings.heading_deg),
+    )
+    axes = settings.gyro_axes_deg, settings.accelerometer_axes_deg
     if settings.redundancy is not None:
         sensor = contract[0].sensor[0]
         resolutions = (float(sensor.gyro_dtheta.scale), float(sensor.accelerometer_dv.scale))
         redundancy.set_up(state, settings.redundancy, rate_hz, resolutions)
-        axes = settings.gyro_axes_deg, settings.accelerometer_axes_deg
         drift.set_up(state, settings.calibration, settings.redundancy, axes)
-    redundancy.blank(state)
     if settings.estimator is not None:
-        axes = settings.gyro_axes_deg, settings.accelerometer_axes_deg
+        if settings.altimeter:
+            estimator.take_altimeter(state)
         estimator.set_up(state, settings.estimator, rate_hz, axes)
     if settings.integrity is not None:
         integrity.set_up(state, settings.integrity)
-    state.dispatch = intake.dispatch_table(contract, has_xcp=settings.xcp is not None)
-    state.epoch = -1
-    clock.power_on(state.clock, parameters.period_ns)
-    return ram

@@ -21,8 +21,7 @@ from rrins.compiled.record import Floats, Records
 from rrins.dbc.contract import load_contract
 from rrins.firmware_py.core.modes.modes import FirmwareFault
 from rrins.firmware_py.core.records.memory import NavigationOutput, Ram
-from rrins.firmware_py.core.sensors.calibration import Calibration
-from rrins.firmware_py.core.settings import Settings, power_on
+from rrins.firmware_py.core.settings import Settings, fill_unit
 from rrins.firmware_py.loop import Firmware
 from rrins.host_tools.campaigns.definition import Definition
 from rrins.host_tools.campaigns.errors import CampaignError
@@ -119,35 +118,24 @@ _ALIKE: Final[dict[str, Any]] = {
     "redundancy": None,
     "estimator": None,
     "integrity": None,
-    "calibration": Calibration(),
     "calibration_file": None,
     **dict.fromkeys(("latitude_deg", "longitude_deg", "height_m"), 0.0),
     **dict.fromkeys(("roll_deg", "pitch_deg", "heading_deg"), 0.0),
 }
-"""Settings that a firmware's diagnostics do not use when they are set up."""
-
-
-_OWN: Final = ("gyro_repetition", "accelerometer_repetition")
-"""Parts of the diagnostics' memory that depend on the sensors' data sheets."""
+"""Settings of what `fill_unit` fills in."""
 
 
 @lru_cache(maxsize=2)
-def _with_diagnostics(settings: Settings) -> Records[Ram]:
+def _alike(settings: Settings) -> Records[Ram]:
     return Firmware(settings).ram
 
 
 def switched_on(settings: Settings) -> Records[Ram]:
-    """Return the memory of a firmware at power-on; its diagnostics are set up once for all runs.
-
-    Making the diagnostics' objects takes longer than all else that happens at power-on.
-    """
-    ram = power_on(settings, load_contract())
-    own = {name: ram["diagnostics"][name].copy() for name in _OWN}
-    ram["diagnostics"] = _with_diagnostics(settings.model_copy(update=_ALIKE))["diagnostics"]
-    for name, values in own.items():
-        finest = values["resolution"]
-        values["resolution"] = np.maximum(finest, ram["diagnostics"][name]["resolution"])
-        ram["diagnostics"][name] = values
+    """Return the memory of a firmware at power-on; what all runs share is set up once."""
+    alike = _alike(settings.model_copy(update=_ALIKE))
+    copied = alike.view(np.uint8).copy()  # not field by field, which takes longer
+    ram = cast(Records[Ram], copied.view(alike.dtype))
+    fill_unit(ram[0], settings, load_contract())
     return ram
 
 

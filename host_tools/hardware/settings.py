@@ -133,10 +133,11 @@ def _fill_sensors(
     record.noise_increment[:count] = values["white_noise"] * math.sqrt(dt)
     delta_u = np.broadcast_to(values["installation_u"], count)
     delta_v = np.broadcast_to(values["installation_v"], count)
+    axis, by_angle = record.axis, record.axis_by_angle
     for k, (alpha, beta) in enumerate(np.radians(axes_deg)):
-        record.axis[k] = installed_axis(alpha, beta, delta_u[k], delta_v[k])
-        record.mounted_axis[k] = record.axis[k]
-        record.axis_by_angle[k] = axis_by_angle(alpha, beta)
+        axis[k] = installed_axis(alpha, beta, delta_u[k], delta_v[k])
+        by_angle[k] = axis_by_angle(alpha, beta)
+    record.mounted_axis[:] = axis
     for i, name in enumerate(("position_x", "position_y", "position_z")):
         record.position_s[:count, i] = values.get(name, 0.0)
     record.displaced = bool(record.position_s.any())

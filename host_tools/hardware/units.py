@@ -124,11 +124,12 @@ def fill(record: Record, values: Mapping[str, Any], dt: float = 0.0, count: int 
     A field with `_increment` after the name takes the value × `dt`. Fields of arrays take `count`
     times the same value, or as many as are given. Values without a field are passed over.
     """
+    fields: Mapping[str, Any] = record.dtype.fields or {}
     for name, value in values.items():
         for field, factor in ((name, 1.0), (f"{name}_increment", dt)):
-            if field not in (record.dtype.names or ()):
+            if field not in fields:
                 continue
-            if record.dtype[field].shape:
+            if fields[field][0].shape:
                 size = np.size(value) if np.ndim(value) else count
                 record[field][:size] = np.multiply(value, factor)
             else:

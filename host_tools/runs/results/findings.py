@@ -10,8 +10,8 @@ from enum import IntEnum
 from rrins.compiled.record import Records
 from rrins.firmware_py.core.navigation.bridging import is_degraded
 from rrins.firmware_py.core.records.encoder_records import AngleSource
-from rrins.firmware_py.core.records.memory import Ram
-from rrins.firmware_py.core.records.redundancy_records import Found, Parity, Refusal
+from rrins.firmware_py.core.records.memory import Fusion, Ram
+from rrins.firmware_py.core.records.redundancy_records import Found, Parity, Readmission, Refusal
 from rrins.firmware_py.diagnostics.reader import FieldReader
 from rrins.firmware_py.diagnostics.redundancy_identifiers import CALIBRATION_STATUS
 from rrins.host_tools.diag.calibration_status import drift_words, origin_words, status_of
@@ -63,31 +63,32 @@ def redundancy_summary(ram: Records[Ram]) -> JsonObject | None:
 
     Times are seconds since navigation began, null where nothing happened.
     """
-    state = ram[0]
-    if not state.redundancy.enabled:
+    state, redundancy = ram[0], ram[0].redundancy
+    if not redundancy.enabled:
         return None
+    seconds = _since_navigation(state)
     return {
-        name: _redundancy_of(state, state.redundancy[name], int(state[name].count))
+        name: _redundancy_of(redundancy.readmission, redundancy[name], state[name], seconds)
         for name in KINDS
     }
 
 
-def _redundancy_of(state: Ram, parity: Parity, count: int) -> JsonObject:
-    seconds = _since_navigation(state)
+def _redundancy_of(
+    readmission: Readmission, parity: Parity, fusion: Fusion, seconds: Callable[[int], float]
+) -> JsonObject:
     sensor, readmitted = int(parity.isolated), int(parity.readmitted)
     alarm, found = int(parity.alarm_epoch), int(parity.found_epoch)
     is_isolated, came_back = sensor >= 0, readmitted >= 0
     is_repaired = is_isolated and int(parity.repaired_epoch) >= 0
     is_open = alarm > (found if is_isolated else 0)
     has_alarmed = is_isolated or alarm > 0
-    readmission = state.redundancy.readmission
     is_refused = bool(readmission.refusal) and int(readmission.kind) == int(parity.kind)
     return {
         "alarm_s": seconds(found if is_isolated else alarm) if has_alarmed else None,
         "isolated_s": seconds(parity.isolated_epoch) if is_isolated else None,
         "sensor": sensor + 1 if is_isolated else None,
         "how": _lower(Found(int(parity.how))) if is_isolated else None,
-        "excluded": [k + 1 for k in range(count) if int(parity.excluded) >> k & 1] or None,
+        "excluded": [k + 1 for k in range(fusion.count) if int(parity.excluded) >> k & 1] or None,
         "repaired": seconds(parity.repaired_epoch) if is_repaired else None,
         "unresolved_s": seconds(alarm) if is_open else None,
         "readmitted": readmitted + 1 if came_back else None,
