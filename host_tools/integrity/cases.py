@@ -22,6 +22,7 @@ from rrins.host_tools.wire.fault_kinds import FaultKind
 
 HEALTHY, GYRO, ACCELEROMETER = "healthy", "gyro", "accelerometer"
 PAIR, COMMON, GNSS, ODOMETER, WIRE = "pair", "common", "gnss", "odometer", "wire"
+TABLE = "table"
 
 NO_RATE: Final = {GNSS: "gnss, no rate", COMMON: "common, no rate"}
 """Kinds of faults that a unit may assume never to happen: what its level contains is what shows."""
@@ -35,6 +36,7 @@ STRATA: Final = (
     GNSS,
     ODOMETER,
     WIRE,
+    TABLE,
     *NO_RATE.values(),
 )
 
@@ -50,6 +52,9 @@ DRAWN: Final = {
 }
 """How often each class of fault is drawn; what it counts for is `risk.hourly`."""
 
+_TABLE_SHARE: Final = 1 / 3
+"""Of the cases without another fault whose table turns: its axis or encoder fails."""
+
 _PARTS: Final = {
     GYRO: (Part.GYRO,),
     ACCELEROMETER: (Part.ACCELEROMETER,),
@@ -57,6 +62,7 @@ _PARTS: Final = {
     COMMON: (Part.GYRO, Part.ACCELEROMETER),
     GNSS: (Part.GNSS, Part.GNSS_POSITION),
     ODOMETER: (Part.ODOMETER,),
+    TABLE: (Part.AXIS,),
 }
 _ALIKE: Final = ("bias", "ramp", "scale")
 """Effects that all sensors of a kind have alike, such as by temperature or a supply."""
@@ -79,7 +85,7 @@ class Case:
     """A scenario with what fails in it."""
 
     number: int
-    kind: str  #: class of its faults, of `DRAWN`
+    kind: str  #: class of its faults, of `STRATA`
     scenario: Scenario
     failing: frozenset[str]  #: sensors that fail by themselves, such as gyro_2
 
@@ -139,6 +145,9 @@ def draw(seed: int, number: int, base: Scenario | None = None) -> Case:
     table["integrity"] = dict(table.get("integrity", {})) | {"enabled": True}
     table["estimator"] = dict(table.get("estimator", {})) | {"enabled": True}
     healthy = scenarios.parse(table, f"case {number}")
+    of_table = random.Random(f"{seed} {number} table")  # apart: all else is drawn as before
+    if kind == HEALTHY and healthy.mode == "rotating" and of_table.random() < _TABLE_SHARE:
+        kind, chance = TABLE, of_table
     faults, failing = _faults(chance, kind, healthy)
     found = scenarios.parse(table | {"faults": faults}, f"case {number}")
     return Case(number, kind, found, frozenset(failing))

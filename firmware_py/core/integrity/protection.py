@@ -20,6 +20,7 @@ from rrins.dbc.contract import SENSOR_GROUPS
 from rrins.firmware_py.core.estimator.fault_effects import AGREES_BELOW, FIRST_AID, FIRST_SHIFT
 from rrins.firmware_py.core.integrity.weights import believed, odds_of, rivals, weigh
 from rrins.firmware_py.core.maths import earth
+from rrins.firmware_py.core.records.encoder_records import AngleSource
 from rrins.firmware_py.core.records.estimator_records import (
     AIDS,
     ATTITUDE,
@@ -35,15 +36,17 @@ from rrins.firmware_py.core.records.integrity_records import (
     HEADING,
     HORIZONTAL,
     SINCE_BEGIN,
+    TABLE_FAULT,
     VERTICAL,
     Integrity,
     IntegrityStatus,
 )
-from rrins.firmware_py.core.records.memory import Fusion, Ram
+from rrins.firmware_py.core.records.memory import INNER, OUTER, Fusion, Ram
 from rrins.firmware_py.core.records.redundancy_records import SECOND_LEVELS, WINDOWS_S, Parity
 from rrins.firmware_py.core.redundancy import windows
 from rrins.firmware_py.core.redundancy.alike import largest
 from rrins.firmware_py.core.redundancy.parity import CHECKED_FROM
+from rrins.firmware_py.core.turntable import encoders
 
 SHOWS_FROM = 6.0
 """Standard deviations of the size of a fault from which on it is suspected."""
@@ -57,6 +60,7 @@ _SPAN = 3
 _IDLE_S = 2
 """Seconds without a comparison after which the parity shows nothing new."""
 
+_GYROS = int(AngleSource.GYROS)
 _AVAILABLE, _DEGRADED = int(IntegrityStatus.AVAILABLE), int(IntegrityStatus.DEGRADED)
 _NOT_AVAILABLE, _OFF = int(IntegrityStatus.NOT_AVAILABLE), int(IntegrityStatus.OFF)
 
@@ -250,6 +254,7 @@ def _assess(state: Ram) -> None:
             shows = _cover(state, k, state.redundancy.gyros, False, 0.0, False)
             integrity.suspected = integrity.suspected or shows
     _cover_refused(state)
+    _cover_table(state)
     for bound in range(BOUNDS):  # they hold before it is fed back, too
         integrity.protection[bound] += _size(state, estimator.applied, bound)
     _judge(integrity, bool(estimator.vertical))
@@ -319,6 +324,19 @@ def _cover_refused(state: Ram) -> None:
         if refused > 0.0 and refused + noise > integrity.protection[bound]:
             integrity.protection[bound] = refused + noise
             integrity.limit[bound] = FIRST_AID
+
+
+@compiled
+def _cover_table(state: Ram) -> None:
+    """Cover what is not known of the table's angles, between the sensors and the vehicle."""
+    integrity, table = state.integrity, state.encoders
+    doubtful = math.radians(encoders.doubtful_deg(table))
+    if doubtful > 0.0:
+        integrity.protection[HEADING] += doubtful
+        integrity.limit[HEADING] = TABLE_FAULT
+    for axis in (INNER, OUTER):
+        if table.doubted[axis] or table.source[axis] >= _GYROS:
+            integrity.suspected = True
 
 
 @compiled

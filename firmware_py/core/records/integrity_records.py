@@ -34,6 +34,8 @@ GYROS_SHIFT, ACCELEROMETERS_SHIFT = 10, 11
 """The bias of all sensors of a kind alike."""
 
 FAULT_CAPACITY = 2 * SENSOR_GROUPS + OTHER_FAULTS
+TABLE_FAULT = FAULT_CAPACITY
+"""Number of what has no effect to be followed: an angle of the table that is in doubt."""
 
 RECEIVER, ODOMETER, ALTIMETER = 0, 1, 2
 """Devices that aid, whose refused measurements count apart."""

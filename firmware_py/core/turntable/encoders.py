@@ -11,6 +11,9 @@ says how it ought to turn. Two tests, for each axis:
   fails is taken for a wrong encoder. Found while the vehicle stands or drives straight. The angle
   goes on with the gyros' increments, or the command's while the gyros feel the vehicle turn.
 
+What neither finds, in a vehicle that turns, shows as an angle that strays from the commanded one;
+it is in the bound of the heading (`doubtful_deg`).
+
 An encoder whose offset has not moved for 10 s and 10° of turning is used again, less that
 offset; without one when the offset is gone.
 """
@@ -45,6 +48,9 @@ _PATIENCE_EPOCHS = 20  # of jumps in a row, or without a frame
 _AGREED_S, _AGREED_DEG = 10.0, 10.0
 _MOVED_DEG = 0.02
 _HEALED_DEG = 0.05
+_LAG_DEG, _LAG_EPOCHS = 0.01, 2.0  # by which an axis lags what the scheme expects, at its rate
+_FELT = 0.25  # of what an angle strays: so little of it that the gyros do not feel is the vehicle
+_COASTED = 1.25  # an axis turns on a little while a scheme is stopped because it lags
 _UNCERTAIN = 0.2  # of the smallest jump found, error of each
 
 
@@ -250,6 +256,47 @@ def _follow_axis(
 
 
 @compiled
+def _note_lag(state: Ram, axis: int, gyro_deg: float, commanded_deg: float) -> None:
+    """Note by how much the angle strays from the commanded one; not where the command jumps."""
+    encoders, parameters = state.encoders, state.parameters
+    expected_deg = encoders.expected_deg[axis]
+    lag_deg = unwrapped(encoders.angle_deg[axis], expected_deg, parameters.angle_span_deg)
+    lag_deg -= expected_deg
+    more_deg = lag_deg - encoders.lag_deg[axis]
+    encoders.lag_deg[axis] = lag_deg
+    usual_deg = _LAG_DEG + _LAG_EPOCHS * parameters.turn_rate_dps * parameters.period_ns * 1e-9
+    if not state.sequencer.running or abs(commanded_deg) > usual_deg:
+        return
+    if axis == INNER and parameters.isolate_heading:  # in corners it cannot follow
+        return
+    encoders.strayed_deg[axis] += more_deg
+    encoders.unfelt_deg[axis] += gyro_deg - commanded_deg - more_deg
+    strayed_deg = abs(encoders.strayed_deg[axis])
+    is_far = strayed_deg > usual_deg
+    if not is_far:
+        encoders.unfelt_deg[axis] = 0.0
+    is_unfelt = abs(encoders.unfelt_deg[axis]) > _FELT * strayed_deg
+    is_unfelt |= encoders.source[axis] >= _GYROS  # which cannot confirm themselves
+    encoders.doubted[axis] = is_far and (encoders.doubted[axis] or is_unfelt)
+    encoders.felt[axis] = is_far and not encoders.doubted[axis]
+
+
+@compiled
+def doubtful_deg(encoders: Encoders) -> float:
+    """Return by how much the angles of the table may be wrong: both axes, 0 if nothing shows it.
+
+    An angle that strays from the commanded one is wrong, or the axis disobeys: that only gyros
+    tell, which then feel the table turn as the angle says, and no vehicle.
+    """
+    total_deg = 0.0
+    for axis in (INNER, OUTER):
+        strayed_deg = abs(encoders.strayed_deg[axis])
+        if strayed_deg > 2.0 * encoders.step_deg and not encoders.felt[axis]:
+            total_deg += _COASTED * strayed_deg
+    return total_deg
+
+
+@compiled
 def _feel(encoders: Encoders, dtheta_s: Floats, ins: Ins, dt: float) -> None:
     """Find what the gyros feel of table and vehicle: with ``dt`` = 0 the Earth's turn as well."""
     earth.turn(encoders.turn_s, ins.C_s_n, parallel(ins), dt)
@@ -291,3 +338,5 @@ def follow(state: Ram, navigating: bool) -> None:
             known,
             navigating,
         )
+        if state.integrity.enabled:
+            _note_lag(state, axis, math.degrees(along), commanded_deg)

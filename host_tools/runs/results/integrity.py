@@ -18,6 +18,7 @@ from rrins.firmware_py.core.records.integrity_records import (
     HEADING,
     HORIZONTAL,
     ODOMETER_FAULT,
+    TABLE_FAULT,
     VERTICAL,
     IntegrityStatus,
 )
@@ -39,6 +40,8 @@ def fault_name(number: int) -> str | None:
     """Return the name of the fault that sets a bound; None where none does."""
     if number < 0:
         return None
+    if number == TABLE_FAULT:
+        return "table"
     kind, sensor = divmod(number, SENSOR_GROUPS)
     if kind < 2:
         return f"{('gyro', 'accelerometer')[kind]} {sensor + 1}"

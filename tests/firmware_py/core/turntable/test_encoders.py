@@ -11,6 +11,7 @@ from rrins.firmware_py.core.records.encoder_records import AngleSource
 from rrins.firmware_py.core.records.memory import INNER, OUTER
 from rrins.firmware_py.core.settings import power_on
 from rrins.firmware_py.core.turntable import encoders
+from rrins.firmware_py.core.turntable.sequencer import scheme_angle_deg
 
 RATE_HZ = 200
 DT = 1 / RATE_HZ
@@ -102,3 +103,44 @@ def test_an_encoder_that_is_silent_for_long_is_replaced_by_the_gyros(table):
         table.state["assembly"]["encoder_angle_deg"][INNER] = table.used_deg[INNER]
     # By the rate of the last frame, 0, for 20 epochs; then by the gyros.
     assert table.used_deg[INNER] == pytest.approx(table.angle_deg[INNER] - 0.2, abs=1e-3)
+
+
+@pytest.mark.parametrize("axis", [INNER, OUTER])
+@pytest.mark.parametrize(
+    ("vehicle_dps", "obeys", "missed", "doubtful"),
+    [
+        (8.0, 1.0, 0.0, 0.0),
+        (8.0, 1.0, 1.0, 1.0),
+        (8.0, 1.0, -0.01, 0.01),
+        (8.0, 0.0, 0.0, 1.0),
+        (0.0, 0.0, 0.0, 0.0),
+        (0.0, 1.0, 0.01, 0.01),
+    ],
+    ids=["sound", "sticks", "slips", "stalls", "stalls at rest", "slips at rest"],
+)
+def test_an_angle_that_strays_is_doubtful_unless_the_gyros_feel_it(
+    table, axis, vehicle_dps, obeys, missed, doubtful
+):
+    """A turn of 10°, of which the axis does a share, and the encoder misses one.
+
+    The vehicle turns about the inner axis: no outer axis seems to turn with it.
+    """
+    doubtful *= axis == INNER or obeys > 0.0
+    state, running = table.state, table.state["sequencer"]
+    state["integrity"]["enabled"] = True
+    running["running"] = True
+    running["target_angle_deg"][axis] = 10.0
+    table.vehicle_dps = vehicle_dps
+    before_deg = 0.0
+    for epoch in range(1, 1100):
+        running["epochs"] = epoch
+        expected_deg = scheme_angle_deg(running, state["parameters"], axis)
+        turned = [0.0, 0.0]
+        turned[axis] = obeys * (expected_deg - before_deg)
+        table.error_deg[axis] = -missed * (table.angle_deg[axis] + turned[axis])
+        table.epoch(turned)
+        before_deg = expected_deg
+    assert math.isclose(before_deg, 10.0)
+    found_deg = encoders.doubtful_deg(state["encoders"])
+    assert found_deg == pytest.approx(1.25 * 10.0 * doubtful, abs=0.01)
+    assert state["encoders"]["doubted"][axis] == (doubtful > 0.0)
