@@ -330,7 +330,7 @@ def _cover_refused(state: Ram) -> None:
 def _cover_table(state: Ram) -> None:
     """Cover what is not known of the table's angles, between the sensors and the vehicle."""
     integrity, table = state.integrity, state.encoders
-    doubtful = math.radians(encoders.doubtful_deg(table))
+    doubtful = math.radians(encoders.doubtful_deg(table, state.parameters))
     if doubtful > 0.0:
         integrity.protection[HEADING] += doubtful
         integrity.limit[HEADING] = TABLE_FAULT

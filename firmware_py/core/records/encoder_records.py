@@ -45,9 +45,8 @@ class Encoders(Record):
     agreed_deg: Annotated[Floats, 2]  #: turned since then, by the encoder
     lag_deg: Annotated[Floats, 2]  #: angle less commanded angle
     strayed_deg: Annotated[Floats, 2]  #: by how much that has changed while the axis was to turn
-    unfelt_deg: Annotated[Floats, 2]  #: gyros less angle, since that was more than usual
-    felt: Annotated[Bytes, 2]  #: whether the gyros feel it, too: the angle is right
-    doubted: Annotated[Bytes, 2]  #: whether they do not
+    unfelt_deg: Annotated[Floats, 2]  #: gyros less angle, since that was more than rounding
+    doubted: Annotated[Bytes, 2]  #: whether it was much, and the gyros have not felt it
     found_epoch: Annotated[Integers, 2]  #: in which the last fault was found, plus 1; 0: none
     transmissions: I8  #: of TABLE_STATUS, for its counter
     turn_s: Annotated[Floats, 3]  #: rad, fused less the Earth's, in this epoch

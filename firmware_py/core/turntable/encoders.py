@@ -48,8 +48,8 @@ _PATIENCE_EPOCHS = 20  # of jumps in a row, or without a frame
 _AGREED_S, _AGREED_DEG = 10.0, 10.0
 _MOVED_DEG = 0.02
 _HEALED_DEG = 0.05
-_LAG_DEG, _LAG_EPOCHS = 0.01, 2.0  # by which an axis lags what the scheme expects, at its rate
-_FELT = 0.25  # of what an angle strays: so little of it that the gyros do not feel is the vehicle
+_FELT = 0.25  # share of what an angle strays that gyros may not feel, for noise and a slight turn
+_ROUNDED = 2.0  # steps of an encoder by which an angle may stray
 _COASTED = 1.25  # an axis turns on a little while a scheme is stopped because it lags
 _UNCERTAIN = 0.2  # of the smallest jump found, error of each
 
@@ -169,13 +169,20 @@ def _do_without(
 
 
 @compiled
+def _limit_deg(parameters: Parameters) -> float:
+    """Return by how much gyros, angle and command may differ: drift, and what an axis lags."""
+    seconds = parameters.period_ns * 1e-9
+    return float(_APART_DEG + _LATE_EPOCHS * parameters.turn_rate_dps * seconds)
+
+
+@compiled
 def _vote(
     encoders: Encoders, parameters: Parameters, axis: int, disobedience_deg: float, epoch: int
 ) -> None:
     """Let gyros and command outvote the encoder; `disobedience_deg` is of this epoch."""
     seconds = parameters.period_ns * 1e-9
     kept = 1.0 - seconds / _MEMORY_S
-    limit_deg = _APART_DEG + _LATE_EPOCHS * parameters.turn_rate_dps * seconds
+    limit_deg = _limit_deg(parameters)
     encoders.contradiction_deg[axis] *= kept
     encoders.disobedience_deg[axis] *= kept
     if abs(disobedience_deg) > 1.0:  # the command itself has jumped
@@ -264,25 +271,25 @@ def _note_lag(state: Ram, axis: int, gyro_deg: float, commanded_deg: float) -> N
     lag_deg -= expected_deg
     more_deg = lag_deg - encoders.lag_deg[axis]
     encoders.lag_deg[axis] = lag_deg
-    usual_deg = _LAG_DEG + _LAG_EPOCHS * parameters.turn_rate_dps * parameters.period_ns * 1e-9
-    if not state.sequencer.running or abs(commanded_deg) > usual_deg:
+    limit_deg = _limit_deg(parameters)
+    if not state.sequencer.running or abs(commanded_deg) > limit_deg:
         return
     if axis == INNER and parameters.isolate_heading:  # in corners it cannot follow
         return
     encoders.strayed_deg[axis] += more_deg
     encoders.unfelt_deg[axis] += gyro_deg - commanded_deg - more_deg
     strayed_deg = abs(encoders.strayed_deg[axis])
-    is_far = strayed_deg > usual_deg
-    if not is_far:
+    if strayed_deg <= _ROUNDED * encoders.step_deg:
         encoders.unfelt_deg[axis] = 0.0
-    is_unfelt = abs(encoders.unfelt_deg[axis]) > _FELT * strayed_deg
-    is_unfelt |= encoders.source[axis] >= _GYROS  # which cannot confirm themselves
-    encoders.doubted[axis] = is_far and (encoders.doubted[axis] or is_unfelt)
-    encoders.felt[axis] = is_far and not encoders.doubted[axis]
+        encoders.doubted[axis] = False
+    elif strayed_deg > limit_deg:
+        is_unfelt = abs(encoders.unfelt_deg[axis]) > _FELT * strayed_deg
+        is_unfelt |= encoders.source[axis] >= _GYROS  # which cannot confirm themselves
+        encoders.doubted[axis] |= is_unfelt
 
 
 @compiled
-def doubtful_deg(encoders: Encoders) -> float:
+def doubtful_deg(encoders: Encoders, parameters: Parameters) -> float:
     """Return by how much the angles of the table may be wrong: both axes, 0 if nothing shows it.
 
     An angle that strays from the commanded one is wrong, or the axis disobeys: that only gyros
@@ -291,7 +298,8 @@ def doubtful_deg(encoders: Encoders) -> float:
     total_deg = 0.0
     for axis in (INNER, OUTER):
         strayed_deg = abs(encoders.strayed_deg[axis])
-        if strayed_deg > 2.0 * encoders.step_deg and not encoders.felt[axis]:
+        is_felt = strayed_deg > _limit_deg(parameters) and not encoders.doubted[axis]
+        if strayed_deg > _ROUNDED * encoders.step_deg and not is_felt:
             total_deg += _COASTED * strayed_deg
     return total_deg
 

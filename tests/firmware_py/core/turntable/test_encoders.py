@@ -115,8 +115,9 @@ def test_an_encoder_that_is_silent_for_long_is_replaced_by_the_gyros(table):
         (8.0, 0.0, 0.0, 1.0),
         (0.0, 0.0, 0.0, 0.0),
         (0.0, 1.0, 0.01, 0.01),
+        (0.0, 1.0, 0.009, 0.009),
     ],
-    ids=["sound", "sticks", "slips", "stalls", "stalls at rest", "slips at rest"],
+    ids=["sound", "sticks", "slips", "stalls", "stalls at rest", "slips at rest", "by little"],
 )
 def test_an_angle_that_strays_is_doubtful_unless_the_gyros_feel_it(
     table, axis, vehicle_dps, obeys, missed, doubtful
@@ -141,6 +142,6 @@ def test_an_angle_that_strays_is_doubtful_unless_the_gyros_feel_it(
         table.epoch(turned)
         before_deg = expected_deg
     assert math.isclose(before_deg, 10.0)
-    found_deg = encoders.doubtful_deg(state["encoders"])
+    found_deg = encoders.doubtful_deg(state["encoders"], state["parameters"])
     assert found_deg == pytest.approx(1.25 * 10.0 * doubtful, abs=0.01)
     assert state["encoders"]["doubted"][axis] == (doubtful > 0.0)
