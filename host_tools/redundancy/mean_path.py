@@ -74,7 +74,7 @@ def follow(
             parity.residual[i] = parity.projector[i, sensor] * step
         for axis in range(3):
             parity.vector[axis] = fusion.gain[axis, sensor] * step
-        ratio = windows.close_second(parity, count, regressors)
+        ratio = windows.close_second(parity, count, regressors, False)
         standing.close_second(parity, fusion, regressors, True, True, True)
         parity.alarm = ratio > 1.0
         if step != 0.0:

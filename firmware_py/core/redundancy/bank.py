@@ -49,6 +49,10 @@ _SLIPS_S = 30
 """Seconds for which no stretch is used once one agrees with no filter: the wheel slips, or is
 locked, or points elsewhere, whichever sensor fails."""
 
+_LEVELLED, _NEVER = math.radians(5.0), 2**31 - 1
+"""Change of the level by the estimator in a second, rad, beyond which nothing is told: the filters'
+errors were too large to be linear. Before the fault may have begun, the filters begin behind it."""
+
 _REST = 5.0
 """Largest deviation of the innovations' squares, standard deviations of chi-square."""
 
@@ -65,6 +69,8 @@ def follow(state: Ram) -> None:
     doubts = _doubt(state, state.redundancy.gyros)
     doubts |= _doubt(state, state.redundancy.accelerometers)
     bank.found = 0
+    if doubts == 0:
+        bank.first = min(bank.first, repair.count + 2)
     if doubts == 0 or bank.first >= repair.count:
         bank.active = False
         return
@@ -78,6 +84,10 @@ def follow(state: Ram) -> None:
         others = repair.stride - blocks.OTHERS
         is_due = bank.at + _WAIT_S < repair.count
         begins = bank.turn == 0 and not bank.measuring
+        if begins and _is_levelled_anew(block[others : others + blocks.OTHERS]):
+            bank.first = bank.at + 1 if bank.at < bank.fault_at else _NEVER
+            bank.active = False
+            return
         if begins and bank.at <= bank.fault_at:
             _forget_evidence(bank)
         if begins and bank.at >= bank.fault_at:
@@ -111,6 +121,13 @@ def follow(state: Ram) -> None:
             bank.found = _decide(bank, RATIO if is_second else _OVER_PAIRS)
             if bank.found > 0:
                 return
+
+
+@compiled
+def _is_levelled_anew(block: Floats) -> bool:
+    """Return whether the estimator turned the navigation's level further than filters follow."""
+    fed_back = block[blocks.FED_BACK : blocks.FED_BACK + 2]
+    return bool(fed_back[0] ** 2 + fed_back[1] ** 2 > _LEVELLED**2)
 
 
 @compiled
@@ -186,10 +203,7 @@ def _begin(state: Ram, doubts: int) -> None:
     bank.fits = False
     bank.slips_until = 0
     gyros, accelerometers = state.redundancy.gyros, state.redundancy.accelerometers
-    parity = accelerometers if doubts >> ACCELEROMETERS & 1 else gyros
-    since_s = (state.epoch - bank.doubt_since[parity.kind]) / state.redundancy.second_epochs
-    level = windows.begun_level(parity, parity.second_factor**2)
-    lasts_s = since_s + 1.5 * WINDOWS_S[level] + _EARLIER_S
+    lasts_s = max(_fails_for_s(state, gyros, doubts), _fails_for_s(state, accelerometers, doubts))
     bank.fault_at = max(bank.at, repair.count - int(lasts_s))
     bank.fault_variance[:] = 0.0
     hypotheses.set_up(bank, gyros, accelerometers)
@@ -197,6 +211,16 @@ def _begin(state: Ram, doubts: int) -> None:
     for index in range(bank.count):
         error_filter.begin(bank.filters[index], gyros, accelerometers, begins)
     _forget_evidence(bank)
+
+
+@compiled
+def _fails_for_s(state: Ram, parity: Parity, doubts: int) -> float:
+    """Return for how long one of a kind may have failed at most, s; 0 if none is in doubt."""
+    if doubts >> parity.kind & 1 == 0:
+        return 0.0
+    since = state.epoch - state.redundancy.bank.doubt_since[parity.kind]
+    level = windows.begun_level(parity, parity.second_factor**2)
+    return float(since / state.redundancy.second_epochs + 1.5 * WINDOWS_S[level] + _EARLIER_S)
 
 
 @compiled

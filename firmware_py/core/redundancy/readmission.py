@@ -166,7 +166,7 @@ def close_second(state: Ram, parity: Parity, fusion: Fusion) -> None:
     count = int(fusion.count)
     readmission.waited_s += 1
     if 2 * compared.used_epochs > state.redundancy.second_epochs:
-        ratio = windows.close_second(compared, count, ABSOLUTE + count)
+        ratio = windows.close_second(compared, count, ABSOLUTE + count, False)
         windows.keep(compared, count)
         readmission.passed_s += 1
         readmission.ratio = max(readmission.ratio, ratio)

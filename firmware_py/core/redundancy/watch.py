@@ -137,11 +137,11 @@ def close_second(state: Ram, parity: Parity, fusion: Fusion) -> tuple[int, int]:
     count = int(fusion.count)
     regressors = ABSOLUTE + count
     if parities.is_full(parity, redundancy.second_epochs):
-        parity.ratio = windows.close_second(parity, count, regressors)
+        suspects = suspicion.lasts(state, int(parity.kind))
+        parity.ratio = windows.close_second(parity, count, regressors, suspects)
         known = 2 * parity.known_epochs > parity.used_epochs and not standing.is_driven(state)
         even = bool(redundancy.turns_evenly)
-        learns = slow and not suspicion.lasts(state, int(parity.kind))
-        if standing.close_second(parity, fusion, regressors, known, learns, even):
+        if standing.close_second(parity, fusion, regressors, known, slow and not suspects, even):
             redundancy.moved = True
             if parity.kind == ACCELEROMETERS:  # its attitude errs otherwise now
                 standing.forget(parity)

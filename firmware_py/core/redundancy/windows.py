@@ -78,8 +78,11 @@ def is_due(parity: Parity, level: int) -> bool:
 
 
 @compiled
-def close_second(parity: Parity, count: int, regressors: int) -> float:
-    """Add a second to the sums, test, and learn; return the largest parity over its threshold."""
+def close_second(parity: Parity, count: int, regressors: int, suspects: bool) -> float:
+    """Add a second to the sums, test, and learn; return the largest parity over its threshold.
+
+    What `suspects` that a fault of before lasts learns nothing: neither shows in a quiet second.
+    """
     learner, now = parity.parity, parity.now
     parity.seconds += 1
     _learn_ahead(parity, count, regressors)
@@ -94,7 +97,7 @@ def close_second(parity: Parity, count: int, regressors: int) -> float:
     _sum_windows(parity, count, regressors)
     _fit_steps(parity, count, regressors)
     largest, noise = _largest(parity, count), _noise(parity, count)
-    sound = largest < _LEARNS_BELOW and noise < 1.0
+    sound = largest < _LEARNS_BELOW and noise < 1.0 and not suspects
     if sound and parity.frozen > LEARNED_S:  # a fault that passed, learned at once
         learning.copy(parity.ahead, learner)
         parity.fits_from = parity.seconds

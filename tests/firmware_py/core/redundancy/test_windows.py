@@ -29,10 +29,10 @@ def close():
     parity["noise_limit"] = settings.noise_limit(0.01, 1)
     parities.compare(parity, fusion, 0b1111, 200, np.empty((3, 3)))
 
-    def closer(deviations, rate=0.0):
+    def closer(deviations, rate=0.0, suspects=False):
         parity["regressors"][:2] = 1.0, rate
         parity["residual"][:4] = deviations * np.sqrt(parity["second_variance"][:4])
-        ratio = windows.close_second(parity, 4, ABSOLUTE + 4)
+        ratio = windows.close_second(parity, 4, ABSOLUTE + 4, suspects)
         windows.keep(parity, 4)
         parities.begin_second(parity)
         return ratio
@@ -85,3 +85,15 @@ def test_a_fault_of_two_seconds_as_a_turn_begins_is_not_learned(close):
     ratios = [close(8.0 if 5 <= k < 7 else 0.0, float(k >= 4)) for k in range(60)]
     assert min(ratios[5:7]) > 1.0
     assert not close.parity["parity"]["coefficients"].any()
+
+
+def test_nothing_is_learned_while_a_fault_is_suspected(close):
+    """What is quiet for a while may still be off: as the table turns, or where little is known."""
+    for _ in range(64):
+        close(0.2)
+    learned = close.parity["parity"]["coefficients"].copy()
+    for _ in range(64):
+        assert close(0.4, suspects=True) < 1.0
+    assert (close.parity["parity"]["coefficients"] == learned).all()
+    close(0.4)
+    assert (close.parity["parity"]["coefficients"] != learned).any()
