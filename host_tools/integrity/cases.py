@@ -22,7 +22,7 @@ from rrins.host_tools.wire.fault_kinds import FaultKind
 
 HEALTHY, GYRO, ACCELEROMETER = "healthy", "gyro", "accelerometer"
 PAIR, COMMON, GNSS, ODOMETER, WIRE = "pair", "common", "gnss", "odometer", "wire"
-TABLE = "table"
+TABLE, ALTIMETER = "table", "altimeter"
 
 NO_RATE: Final = {GNSS: "gnss, no rate", COMMON: "common, no rate"}
 """Kinds of faults that a unit may assume never to happen: what its level contains is what shows."""
@@ -37,6 +37,7 @@ STRATA: Final = (
     ODOMETER,
     WIRE,
     TABLE,
+    ALTIMETER,
     *NO_RATE.values(),
 )
 
@@ -52,8 +53,9 @@ DRAWN: Final = {
 }
 """How often each class of fault is drawn; what it counts for is `risk.hourly`."""
 
-_TABLE_SHARE: Final = 1 / 3
-"""Of the cases without another fault whose table turns: its axis or encoder fails."""
+_APART: Final = (TABLE, ALTIMETER)
+_APART_SHARE: Final = 1 / 3
+"""Of the cases without another fault, and with that part: it fails."""
 
 _PARTS: Final = {
     GYRO: (Part.GYRO,),
@@ -63,6 +65,7 @@ _PARTS: Final = {
     GNSS: (Part.GNSS, Part.GNSS_POSITION),
     ODOMETER: (Part.ODOMETER,),
     TABLE: (Part.AXIS,),
+    ALTIMETER: (Part.ALTIMETER,),
 }
 _ALIKE: Final = ("bias", "ramp", "scale")
 """Effects that all sensors of a kind have alike, such as by temperature or a supply."""
@@ -145,9 +148,10 @@ def draw(seed: int, number: int, base: Scenario | None = None) -> Case:
     table["integrity"] = dict(table.get("integrity", {})) | {"enabled": True}
     table["estimator"] = dict(table.get("estimator", {})) | {"enabled": True}
     healthy = scenarios.parse(table, f"case {number}")
-    of_table = random.Random(f"{seed} {number} table")  # apart: all else is drawn as before
-    if kind == HEALTHY and healthy.mode == "rotating" and of_table.random() < _TABLE_SHARE:
-        kind, chance = TABLE, of_table
+    for part in _APART:  # by a generator of its own: all else is drawn as before
+        own = random.Random(f"{seed} {number} {part}")
+        if kind == HEALTHY and _has(healthy, part) and own.random() < _APART_SHARE:
+            kind, chance = part, own
     faults, failing = _faults(chance, kind, healthy)
     found = scenarios.parse(table | {"faults": faults}, f"case {number}")
     return Case(number, kind, found, frozenset(failing))
@@ -157,6 +161,11 @@ def _possible(base: Scenario, kind: str) -> str:
     """Return the kind, or another one where a scenario lacks the aid."""
     lacks = (kind == GNSS and base.gnss is None) or (kind == ODOMETER and base.odometer is None)
     return GYRO if lacks else kind
+
+
+def _has(healthy: Scenario, part: str) -> bool:
+    """Return whether a unit has a part, and uses it."""
+    return healthy.mode == "rotating" if part == TABLE else healthy.altimeter is not None
 
 
 def _log_uniform(chance: random.Random, least: float, most: float) -> float:

@@ -37,6 +37,7 @@ def prior_per_h(scenario: Scenario, kind: str, seconds: int) -> float | None:
         cases.COMMON: 2 * settings.common_faults_per_h,
         cases.GNSS: settings.gnss_faults_per_h,
         cases.ODOMETER: settings.odometer_faults_per_h,
+        cases.ALTIMETER: settings.altimeter_faults_per_h,
     }
     return rates.get(kind)
 

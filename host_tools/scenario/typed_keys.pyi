@@ -531,7 +531,7 @@ class IntegritySettingsTable(TypedDict, total=False):
     odometer_faults_per_h: float
     """Changes of its scale: slip, another tyre."""
     altimeter_faults_per_h: float
-    """Changes of its bias beyond those of the weather."""
+    """Changes of its bias beyond those of the weather; that it drifts is a thousandth of that."""
     common_faults_per_h: float
     """Of the scale of all gyros, or of all accelerometers, alike, and of their biases: by a supply,
     or the temperature. 1e-8: a few hundredths, as of IEC 61508-6, of a sensor's own changes."""

@@ -30,6 +30,7 @@ from rrins.firmware_py.core.records.estimator_records import (
 from rrins.firmware_py.core.records.integrity_records import (
     AGES,
     ALL_GYROS,
+    ALTIMETER_DRIFT,
     ALTIMETER_FAULT,
     CHANNELS,
     FAULT_CAPACITY,
@@ -158,7 +159,9 @@ def channel_at_fault(k: int) -> int:
     if not FIRST_AID <= k < FIRST_ALIKE:
         return -1
     fault = k - FIRST_AID
-    return fault % COMPONENTS if fault < ODOMETER_FAULT else fault - ODOMETER_FAULT + COMPONENTS
+    if fault < ODOMETER_FAULT:
+        return fault % COMPONENTS
+    return COMPONENTS if fault == ODOMETER_FAULT else COMPONENTS + 1
 
 
 @compiled
@@ -243,14 +246,17 @@ def _offset(state: Ram, effect: Effect, k: int, aid: int, component: int) -> flo
     Of the odometer, beyond what the scale does to its count: a wheel that is locked has none.
     """
     integrity, is_fix = state.integrity, aid in (_GNSS_POSITION, _GNSS_VELOCITY)
+    lasts_s = float(integrity.seconds - effect.begun_s)
     if k == FIRST_AID + ODOMETER_FAULT and wheels.is_forward(aid, component):
         scale = BIASES + int(state.gyros.count + state.accelerometers.count) + SCALE
         return float(wheels.skidded_m(state.estimator) * effect.state[scale])
+    if k == FIRST_AID + ALTIMETER_DRIFT and aid == _ALTIMETER:
+        return lasts_s
     if not is_fix or channel_of(aid, component) != channel_at_fault(k):
         return 0.0
     if k < FIRST_AID + GNSS_DRIFT:
         return 1.0 if aid == _GNSS_POSITION else 0.0
-    return float(integrity.seconds - effect.begun_s) if aid == _GNSS_POSITION else 1.0
+    return lasts_s if aid == _GNSS_POSITION else 1.0
 
 
 @compiled

@@ -14,6 +14,7 @@ from rrins.firmware_py.core.records.integrity_records import (
     ACCELEROMETERS_SHIFT,
     AGES,
     ALL_GYROS,
+    ALTIMETER_DRIFT,
     ALTIMETER_FAULT,
     FAULT_CAPACITY,
     GNSS_STEP,
@@ -41,6 +42,9 @@ _COMMON_SCALE = 0.003
 
 _COMMON_SHIFT = 10.0
 """Standard deviation of a change of bias that they have alike, in those of a sensor's own bias."""
+
+_DRIFT_SHARE = 1e-3
+"""Of the altimeter's faults, drifts that last: a receiver shows one within minutes."""
 
 _FAULTLESS_SHARE, _YOUNG_SHARE = 0.25, 0.25
 """Of the risk: of no fault; of sensors' faults that began a moment ago, where no parity shows them.
@@ -74,7 +78,7 @@ class IntegritySettings(BaseModel):
     odometer_faults_per_h: float = Field(default=1e-4, ge=0, le=1)
     """Changes of its scale: slip, another tyre."""
     altimeter_faults_per_h: float = Field(default=1e-6, ge=0, le=1)
-    """Changes of its bias beyond those of the weather."""
+    """Changes of its bias beyond those of the weather; that it drifts is a thousandth of that."""
     common_faults_per_h: float = Field(default=1e-8, ge=0, le=1)
     """Of the scale of all gyros, or of all accelerometers, alike, and of their biases: by a supply,
     or the temperature. 1e-8: a few hundredths, as of IEC 61508-6, of a sensor's own changes."""
@@ -124,6 +128,11 @@ def set_up(state: Ram, settings: IntegritySettings) -> None:
         (range(GNSS_STEP, ODOMETER_FAULT), state.gnss.interval_epochs, settings.gnss_faults_per_h),
         ((ODOMETER_FAULT,), state.odometer.interval_epochs, settings.odometer_faults_per_h),
         ((ALTIMETER_FAULT,), state.estimator.altimeter, settings.altimeter_faults_per_h),
+        (
+            (ALTIMETER_DRIFT,),
+            state.estimator.altimeter,
+            _DRIFT_SHARE * settings.altimeter_faults_per_h,
+        ),
         (range(ALL_GYROS, ACCELEROMETERS_SHIFT + 1), True, settings.common_faults_per_h),
     ):
         present |= {FIRST_AID + number: (-1, rate) for number in numbers if is_fitted}

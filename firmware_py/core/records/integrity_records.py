@@ -21,16 +21,17 @@ SINCE_BEGIN, SUSPECT, AT_BEGIN = RUNGS, RUNGS + 1, RUNGS + 2
 since when it has shown most. The last is the beginning, too, for a fault that the parity has
 learned, as if it were a bias."""
 
-OTHER_FAULTS = 12
-GNSS_STEP, GNSS_DRIFT, ODOMETER_FAULT, ALTIMETER_FAULT = 0, 3, 6, 7
+OTHER_FAULTS = 13
+GNSS_STEP, GNSS_DRIFT, ODOMETER_FAULT, ALTIMETER_FAULT, ALTIMETER_DRIFT = 0, 3, 6, 7, 8
 """Faults of the aids, each with the components of a fix where there are some: latitude, longitude,
 height. A step is an offset of the position (m), a drift is one of the velocity that also moves the
-position (m/s). The odometer's scale (1) and the altimeter's bias (m) change."""
+position (m/s). The odometer's scale (1) and the altimeter's bias (m) change, or that drifts (m/s).
+"""
 
-ALL_GYROS, ALL_ACCELEROMETERS = 8, 9
+ALL_GYROS, ALL_ACCELEROMETERS = 9, 10
 """The scale (1) of all sensors of a kind alike, which the parity does not show."""
 
-GYROS_SHIFT, ACCELEROMETERS_SHIFT = 10, 11
+GYROS_SHIFT, ACCELEROMETERS_SHIFT = 11, 12
 """The bias of all sensors of a kind alike."""
 
 FAULT_CAPACITY = 2 * SENSOR_GROUPS + OTHER_FAULTS

@@ -12,6 +12,7 @@ from rrins.firmware_py.core.records.integrity_records import (
     ACCELEROMETERS_SHIFT,
     ALL_ACCELEROMETERS,
     ALL_GYROS,
+    ALTIMETER_DRIFT,
     ALTIMETER_FAULT,
     GNSS_DRIFT,
     GYROS_SHIFT,
@@ -29,6 +30,7 @@ from rrins.host_tools.rounding import rounded
 _OTHERS = {
     ODOMETER_FAULT: "odometer",
     ALTIMETER_FAULT: "altimeter",
+    ALTIMETER_DRIFT: "altimeter drift",
     ALL_GYROS: "all gyros",
     ALL_ACCELEROMETERS: "all accelerometers",
     GYROS_SHIFT: "bias of all gyros",

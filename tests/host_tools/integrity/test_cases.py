@@ -19,7 +19,7 @@ def test_a_case_depends_on_seed_and_number_alone(drawn):
 
 
 def test_all_kinds_of_faults_sites_and_motions_are_drawn(drawn):
-    assert {case.kind for case in drawn} == {*cases.DRAWN, cases.TABLE}
+    assert {case.kind for case in drawn} == {*cases.DRAWN, cases.TABLE, cases.ALTIMETER}
     assert {c.scenario.motion.kind for c in drawn} == {"stationary", "drive", "sway"}
     latitudes = [abs(case.scenario.site.latitude_deg) for case in drawn]
     assert min(latitudes) < 5

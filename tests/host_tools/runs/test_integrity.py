@@ -9,10 +9,11 @@ import pytest
 
 import rrins
 from rrins.firmware_py.core.estimator.fault_effects import FIRST_AID, FIRST_SHIFT
-from rrins.firmware_py.core.records.estimator_records import ATTITUDE, LATITUDE
+from rrins.firmware_py.core.records.estimator_records import ATTITUDE, HEIGHT, LATITUDE
 from rrins.firmware_py.core.records.integrity_records import (
     ALL_ACCELEROMETERS,
     ALL_GYROS,
+    ALTIMETER_DRIFT,
     HEADING,
     HORIZONTAL,
     SINCE_BEGIN,
@@ -30,6 +31,7 @@ from rrins.host_tools.scenario.tables import Integrity
 ON = {"enabled": True}
 AT_S = 303.0
 AVAILABLE, DEGRADED = IntegrityStatus.AVAILABLE, IntegrityStatus.DEGRADED
+NOT = IntegrityStatus.NOT_AVAILABLE
 
 
 def followed(scenario="drive_aided", **changes):
@@ -87,6 +89,16 @@ def test_under_a_fault_the_error_is_below_its_bound_or_the_navigation_not_availa
     )
     misleading = (errors > seconds["protection"]).any(axis=1)
     assert not (misleading & (seconds["integrity"] == AVAILABLE)).any()
+
+
+@pytest.mark.parametrize("pull_mps", [0.02, 0.05])
+def test_an_altimeter_that_drifts_is_covered_even_where_nothing_else_knows_the_height(pull_mps):
+    pull = {"at_s": AT_S, "kind": "altimeter_pull", "pull_mps": pull_mps}
+    run, seconds, errors = followed(gnss=None, duration_s=500, faults=[pull])
+    assert errors[-1, VERTICAL] > 2 * seconds["position_sigma"][-1, 2]
+    assert (errors <= seconds["protection"]).all()
+    assert (seconds["integrity"] != NOT).all()
+    assert run.summary["integrity"]["limited_by"][VERTICAL] == "altimeter drift"
 
 
 @pytest.mark.parametrize("aids", [{}, {"odometer": None}])
@@ -230,6 +242,16 @@ def test_the_effect_of_a_fault_is_what_the_fault_does(number):
     moved = with_fault.position_north_m[-1] - without.position_north_m[-1]
     expected = -size * effect[6] * ram[0].estimator.north_radius
     assert moved == pytest.approx(expected, rel=0.05, abs=1e-4)
+
+
+def test_the_effect_of_an_altimeter_that_drifts_is_that_of_a_drift():
+    pull_mps, heights = 0.01, []
+    for faults in ((), ({"kind": "altimeter_pull", "pull_mps": pull_mps, "at_s": 3.0},)):
+        scenario = load("drive_aided", duration_s=120, integrity=ON, faults=faults)
+        ram, result = run_fast(scenario, firmware_settings(scenario), 20)
+        heights.append(result.height_m[-1])
+    drift = ram[0].integrity.faults[FIRST_AID + ALTIMETER_DRIFT]["effects"][SINCE_BEGIN]
+    assert heights[1] - heights[0] == pytest.approx(-pull_mps * drift["state"][HEIGHT], rel=0.05)
 
 
 def test_in_an_outage_the_bound_grows_with_the_error():
