@@ -51,7 +51,7 @@ locked, or points elsewhere, whichever sensor fails."""
 
 _LEVELLED, _NEVER = math.radians(5.0), 2**31 - 1
 """Change of the level by the estimator in a second, rad, beyond which nothing is told: the filters'
-errors were too large to be linear. Before the fault may have begun, the filters begin behind it."""
+errors were too large to be linear. Before the fault may have begun, the filters begin after it."""
 
 _REST = 5.0
 """Largest deviation of the innovations' squares, standard deviations of chi-square."""

@@ -81,7 +81,7 @@ def is_due(parity: Parity, level: int) -> bool:
 def close_second(parity: Parity, count: int, regressors: int, suspects: bool) -> float:
     """Add a second to the sums, test, and learn; return the largest parity over its threshold.
 
-    What `suspects` that a fault of before lasts learns nothing: neither shows in a quiet second.
+    Nothing is learned by a unit that `suspects` an earlier fault to last: it may be quiet by now.
     """
     learner, now = parity.parity, parity.now
     parity.seconds += 1
