@@ -245,6 +245,7 @@ def test_the_effect_of_a_fault_is_what_the_fault_does(number):
 
 
 def test_the_effect_of_an_altimeter_that_drifts_is_that_of_a_drift():
+    """At a time when no large correction has yet to be fed back, as there is at 60 s."""
     pull_mps, heights = 0.01, []
     for faults in ((), ({"kind": "altimeter_pull", "pull_mps": pull_mps, "at_s": 3.0},)):
         scenario = load("drive_aided", duration_s=120, integrity=ON, faults=faults)
