@@ -18,6 +18,7 @@ from tests.processes import Fork
 
 CHROMIUM = shutil.which("chromium")
 ARGUMENTS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+ARGUMENTS.append("--disable-gpu-compositing")  # the processor does it cheaper by itself
 
 SCENARIO = """
 title = "Four gyros on a ship at her moorings"
