@@ -17,8 +17,12 @@ import pytest
 from tests.processes import Fork
 
 CHROMIUM = shutil.which("chromium")
-ARGUMENTS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
-ARGUMENTS.append("--disable-gpu-compositing")  # the processor does it cheaper by itself
+ARGUMENTS = [
+    "--no-sandbox",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--disable-gpu-compositing",  # the processor does it cheaper by itself
+]
 
 SCENARIO = """
 title = "Four gyros on a ship at her moorings"
