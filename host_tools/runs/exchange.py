@@ -7,8 +7,9 @@ and is back in Python for whatever asks for it: diagnostics, a report, a log.
 from __future__ import annotations
 
 from rrins.compiled.compilation import compiled, compiled_with
-from rrins.compiled.record import F8, I8, Floats, Record, Records
+from rrins.compiled.record import F8, I8, Bool, Floats, Record, Records
 from rrins.dbc.contract import Contract
+from rrins.dbc.e2e import MessageLayout
 from rrins.dbc.frame import FrameArray, frame_array
 from rrins.firmware_py.core.frames_in.clock import own_clock_ns
 from rrins.firmware_py.core.modes.modes import navigating
@@ -20,12 +21,11 @@ from rrins.host_tools.hardware.loop import Hardware
 from rrins.host_tools.hardware.memory import Plant, Truth
 from rrins.host_tools.hardware.step import hardware_step
 from rrins.host_tools.runs.results.samples import SampleBuffer
-from rrins.host_tools.wire.faults import ANY_IDENTIFIER, Node
-from rrins.host_tools.wire.losses import Loss, lose, may_lose
+from rrins.host_tools.wire.effects import FRAMES, Effect, LateFrame, Passage, affect, has_room
+from rrins.host_tools.wire.faults import Node, WireFaults
 from rrins.host_tools.wire.wire import Wire
 
-_ANY_NODE, _FIRMWARE, _HARDWARE = int(Node.ANY), int(Node.FIRMWARE), int(Node.HARDWARE)
-_NO_LOSSES = Loss.zeros(0)
+_FIRMWARE, _HARDWARE = int(Node.FIRMWARE), int(Node.HARDWARE)
 
 
 def exchange_epoch(
@@ -84,6 +84,7 @@ class _Between(Record):
     until: I8  #: epoch that is not run any more
     every: I8  #: epochs that are a multiple of this are the last of a call; 0: none
     truth_every: I8  #: epochs that are a multiple of this are kept of the truth
+    is_disturbed: Bool  #: whether faults act on the wire
     clock_error_ppm: F8  #: of the firmware's clock
     navigation_rows: I8  #: navigation outputs that were written
     truth_rows: I8  #: truths that were written
@@ -106,8 +107,13 @@ def _exchange_epochs(
     estimates: bool | None,
     navigation: Records[NavigationOutput],
     truth: Records[Truth],
-    losses: Records[Loss],
-    heard: FrameArray,
+    effects: Records[Effect],
+    passages: Records[Passage],
+    late_up: Records[LateFrame],
+    late_down: Records[LateFrame],
+    layouts: Records[MessageLayout],
+    heard_up: FrameArray,
+    heard_down: FrameArray,
     kept: FrameArray,
     marks: Records[Mark],
     betweens: Records[_Between],
@@ -120,17 +126,19 @@ def _exchange_epochs(
     plant, state, between = plants[0], ram[0], betweens[0]
     between.navigation_rows = between.truth_rows = 0
     between.used = between.up = between.down = between.kept = between.marks = 0
-    most = len(up) + len(down)
+    most = len(heard_up) + len(down)
     while True:
         epoch = plant.epoch
-        count = between.count
-        if len(losses) > 0 and epoch > 0:
-            count = lose(losses, _FIRMWARE, _ANY_NODE, ANY_IDENTIFIER, down, count, down)
-        sent = hardware_step(plants, pieces, contract, down, count, up)
-        arrived = up
-        if len(losses) > 0:
-            arrived = heard
-            sent = lose(losses, _HARDWARE, _ANY_NODE, ANY_IDENTIFIER, up, sent, heard)
+        count, commands, arrived = between.count, down, up
+        if between.is_disturbed and epoch > 0:
+            commands = heard_down
+            count = affect(
+                effects, passages, late_down, layouts, _FIRMWARE, down, count, epoch - 1, commands
+            )
+        sent = hardware_step(plants, pieces, contract, commands, count, up)
+        if between.is_disturbed:
+            arrived = heard_up
+            sent = affect(effects, passages, late_up, layouts, _HARDWARE, up, sent, epoch, arrived)
         state.clock.sync_arrival_ns = own_clock_ns(epoch * plant.period_ns, between.clock_error_ppm)
         state.clock.is_whole = True
         between.count = firmware_step(ram, contract, arrived, 0, sent, down, compares, estimates)
@@ -152,7 +160,10 @@ def _exchange_epochs(
             is_full |= between.marks == len(marks) or between.kept + 2 * most > len(kept)
         is_due = between.every > 0 and epoch % between.every == 0
         is_last = plant.epoch >= between.until
-        is_short = not may_lose(losses, most)
+        is_short = not (
+            has_room(passages[0], late_up, _HARDWARE)
+            and has_room(passages[0], late_down, _FIRMWARE)
+        )
         if is_full or is_due or is_last or is_short or state.diagnostics.attention:
             return
         between.down += between.count
@@ -199,7 +210,9 @@ class DirectExchange:
         self._wire = wire
         self._kept = frame_array(0) if kept is None else kept
         self._marks = Mark.zeros(0 if kept is None else len(kept))
-        self._heard = frame_array(len(hardware.outbox))
+        self._faults = WireFaults((), 0) if wire is None else wire.faults
+        most = len(hardware.outbox) if wire is None else FRAMES
+        self._heard = frame_array(most), frame_array(most)
         self._hardware, self._firmware = hardware, firmware
         self._truth = truth
         self._between = _Between.zeros()
@@ -236,7 +249,7 @@ class DirectExchange:
         wire, epoch = self._wire, hardware.epoch
         until = min(until, hardware.fault_server.report_epoch)
         if wire is not None:
-            until = min(until, wire.loses_until(epoch))
+            until = min(until, wire.same_until(epoch))
         if firmware.is_awake or epoch >= until or not hardware.has_power(epoch - 1):
             between.count = exchange_epoch(
                 hardware, firmware, epoch, int(between.count), float(between.clock_error_ppm)
@@ -245,6 +258,9 @@ class DirectExchange:
                 self._truth.append(hardware.truth)
             return epoch
         between.until, between.every = until, every
+        faults = self._faults
+        between.is_disturbed = faults.acts(epoch)
+        faults.make_room()
         _exchange_epochs(
             hardware.plant,
             hardware.pieces,
@@ -256,14 +272,16 @@ class DirectExchange:
             firmware.estimates,
             firmware.trace.room,
             self._truth.room,
-            _NO_LOSSES if wire is None else wire.faults.losses(epoch),
-            self._heard,
+            faults.effects,
+            faults.passages,
+            faults.late[Node.HARDWARE],
+            faults.late[Node.FIRMWARE],
+            faults.layouts,
+            *self._heard,
             self._kept,
             self._marks,
             self._between,
         )
-        if wire is not None:
-            wire.faults.settle_losses()
         self._settle()
         return hardware.epoch - 1
 

@@ -2,27 +2,31 @@
 
 A fault is injected by the scenario or, live, by the message FAULT_COMMAND. It acts on frames that
 one side sends, in the order in which they are sent, before the wire's timing. Which frame is hit is
-drawn from the scenario's seed and the fault's number only.
+drawn from the scenario's seed and the fault's number only. `rrins.host_tools.wire.effects` has what
+becomes of the frames.
 """
 
 from __future__ import annotations
 
-import heapq
-import itertools
-from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import IntEnum
 
 import numpy as np
 
-from rrins.compiled.record import Records
 from rrins.dbc.codec import load
-from rrins.dbc.e2e import COUNTER_MODULUS, counter_of, protect
-from rrins.dbc.frame import FrameArray, frame_array
+from rrins.dbc.frame import FrameArray
 from rrins.host_tools.hardware.faults import NEVER
+from rrins.host_tools.wire.effects import (
+    ANY_IDENTIFIER,
+    CAPACITY,
+    MOST_LATE,
+    Effect,
+    LateFrame,
+    Passage,
+    affect,
+    has_room,
+)
 from rrins.host_tools.wire.fault_kinds import FaultKind
-from rrins.host_tools.wire.losses import CAPACITY as LOSSES
-from rrins.host_tools.wire.losses import Draws, Loss
 
 
 class Node(IntEnum):
@@ -33,16 +37,10 @@ class Node(IntEnum):
     HARDWARE = 2
 
 
-ANY_IDENTIFIER = 4095
-"""Stands for all frames of a node."""
+_BY_MODEL = (FaultKind.CORRUPT_WIRE, FaultKind.BUS_OFF, FaultKind.CUT, FaultKind.BABBLE)
+"""Kinds that the model of the wire's timing plays, where there is one."""
 
-BABBLE_IDENTIFIER = 0x001
-"""Identifier of a babbling node: more urgent than any in the contract."""
-
-CAPACITY = 127
-"""Most faults at a time; a scenario has at most 100."""
-
-_SILENT = (FaultKind.DROP, FaultKind.SILENCE, FaultKind.BUS_OFF, FaultKind.CUT)
+_NOBODY = -1
 
 
 @dataclass(frozen=True)
@@ -76,34 +74,15 @@ class WireFault:
         """Return whether the fault will never act again."""
         return 0 <= self.last_epoch < epoch
 
-    def means(self, sender: Node, can_id: int) -> bool:
-        """Return whether the fault affects a frame of a side."""
-        if self.kind == FaultKind.CUT:
-            return True
-        if self.kind == FaultKind.POWER_OFF:
-            return sender == Node.FIRMWARE
-        if self.node not in (Node.ANY, sender):
-            return False
-        return self.identifier in (ANY_IDENTIFIER, can_id)
-
-
-_Held = dict[int, FrameArray]
-
-
-@dataclass(frozen=True)
-class _Entry:
-    """A fault, its random numbers, the frames that it holds by identifier."""
-
-    fault: WireFault
-    draws: Draws
-    held: _Held
-
-
-_Delayed = tuple[int, int, FrameArray]
-"""The epoch in which a frame is due, its number among those delayed, the frame."""
-
-_Passing = list[FrameArray]
-"""Frames on their way, each an array of one."""
+    @property
+    def sender(self) -> Node:
+        """Whose frames it affects; `ANY` for both sides'."""
+        senders = {
+            FaultKind.CUT: Node.ANY,
+            FaultKind.POWER_OFF: Node.FIRMWARE,
+            FaultKind.BABBLE: Node.HARDWARE,
+        }
+        return senders.get(self.kind, self.node)
 
 
 class WireFaults:
@@ -112,35 +91,59 @@ class WireFaults:
     Parameters
     ----------
     faults : iterable of WireFault
+        At most `CAPACITY`.
     seed : int
     has_timing : bool
         Whether the wire's timing is modelled: then CORRUPT_WIRE, BUS_OFF, CUT and BABBLE are the
         model's to play, and are left alone here.
+
+    Attributes
+    ----------
+    effects, passages, late, layouts
+        What `affect` works with; `late` by sender.
     """
 
     def __init__(self, faults: tuple[WireFault, ...], seed: int, has_timing: bool = False) -> None:
         self._seed = seed
         self._has_timing = has_timing
-        self._faults: list[_Entry] = []
+        self._faults: list[WireFault] = []
         self._number = 0
-        self._delayed: dict[Node, list[_Delayed]] = {Node.HARDWARE: [], Node.FIRMWARE: []}
-        self._sequence = itertools.count()
-        self._losses = Loss.zeros(LOSSES)
-        self._losing: list[_Entry] = []  # whose draws are in `_losses`
-        self._copies: _Held = {}  # by identity: the copies that DUPLICATE made in this epoch
-        self._messages = {  # those that have a counter
-            int(row.can_id): row for row in load().messages if row.data_id
-        }
-        self.affected_frames = 0
+        self.effects, self.passages = Effect.zeros(CAPACITY), Passage.zeros()
+        self.late = {side: LateFrame.zeros(0) for side in (Node.HARDWARE, Node.FIRMWARE)}
+        self.layouts = load().messages
         self.can_cut_power = True  # whether somebody does what POWER_OFF says
         for fault in faults:
             self.add(fault)
 
+    @property
+    def affected_frames(self) -> int:
+        """Frames that were hit so far."""
+        return int(self.passages[0].affected)
+
     def add(self, fault: WireFault) -> None:
         """Inject a fault."""
-        random = np.random.default_rng([self._seed, self._number])
+        is_all = fault.kind in (FaultKind.CUT, FaultKind.POWER_OFF)
+        effect = self.effects[len(self._faults)]
+        effect.kind, effect.parameter = fault.kind, fault.parameter
+        effect.node = _NOBODY if self._has_timing and fault.kind in _BY_MODEL else fault.sender
+        effect.identifier = ANY_IDENTIFIER if is_all else fault.identifier
+        effect.first_epoch, effect.last_epoch = fault.first_epoch, fault.last_epoch
+        effect.probability = fault.probability
+        seed = np.random.SeedSequence([self._seed, self._number])
+        effect.random = seed.generate_state(1, np.uint64)[0]
+        effect.held_count = 0
         self._number += 1
-        self._faults.append(_Entry(fault, Draws(random), {}))
+        self._faults.append(fault)
+        self.passages[0].count = len(self._faults)
+
+    def _keep(self, is_kept: list[bool]) -> None:
+        """Forget the other faults."""
+        if all(is_kept):
+            return
+        kept = np.flatnonzero(is_kept)
+        self._faults = [self._faults[k] for k in kept]
+        self.effects[: len(kept)] = self.effects[kept]
+        self.passages[0].count = len(kept)
 
     def renew(self, fault: WireFault) -> bool:
         """Inject a fault that begins at once and replaces an identical active one.
@@ -148,99 +151,97 @@ class WireFaults:
         Returns False if there is no room.
         """
         epoch = fault.first_epoch
-        kept = [
-            entry
-            for entry in self._faults
-            if not entry.fault.is_over(epoch)
-            and not (entry.fault.is_active(epoch) and entry.fault.identity == fault.identity)
+        is_kept = [
+            not one.is_over(epoch) and not (one.is_active(epoch) and one.identity == fault.identity)
+            for one in self._faults
         ]
-        if len(kept) >= CAPACITY:
+        if sum(is_kept) >= CAPACITY:
             return False
-        self._faults = kept
+        self._keep(is_kept)
         self.add(fault)
         return True
 
     def remove(self, kind: FaultKind, node: Node, identifier: int, epoch: int = 0) -> int:
         """Remove the faults of a kind on certain frames; return how many lasted to the epoch."""
-        meant = (kind, node, identifier)
-        left, ended = [], 0
-        for entry in self._faults:
-            if entry.fault.identity[:3] == meant:
-                ended += not entry.fault.is_over(epoch)
-            else:
-                left.append(entry)
-        self._faults = left
+        is_meant = [one.identity[:3] == (kind, node, identifier) for one in self._faults]
+        ended = sum(
+            not one.is_over(epoch) for one, it in zip(self._faults, is_meant, strict=True) if it
+        )
+        self._keep([not it for it in is_meant])
         return ended
 
     def clear(self) -> None:
         """Remove all faults; delayed frames still arrive."""
-        self._faults.clear()
+        self._keep([False] * len(self._faults))
+
+    @property
+    def _is_any_late(self) -> bool:
+        return bool(self.passages[0].end_late.any())
 
     def is_idle(self) -> bool:
         """Return whether no fault can act any more."""
-        return not self._faults and not any(self._delayed.values())
+        return not self._faults and not self._is_any_late
 
     def active(self, epoch: int) -> list[WireFault]:
         """Return the faults that act in an epoch, and drop those that are over."""
-        self._faults = [entry for entry in self._faults if not entry.fault.is_over(epoch)]
+        self._keep([not fault.is_over(epoch) for fault in self._faults])
         return self.acting(epoch)
 
     def acting(self, epoch: int) -> list[WireFault]:
         """Return the faults that act in an epoch."""
-        return [entry.fault for entry in self._faults if entry.fault.is_active(epoch)]
+        return [fault for fault in self._faults if fault.is_active(epoch)]
 
     def apply(
         self, sender: Node, frames: FrameArray, count: int, epoch: int, out: FrameArray
     ) -> int:
-        """Write a side's frames of an epoch, after faults, to `out`; return their number."""
-        passing = _each(frames[:count].copy())
-        self._copies.clear()
-        for entry in self._faults:
-            if entry.fault.is_active(epoch):
-                passing = self._hit(entry, sender, passing, epoch)[: len(out)]
-        passing = [*self._due(sender, epoch), *passing][: len(out)]
-        for k, frame in enumerate(passing):
-            out[k] = frame[0]
-        return len(passing)
+        """Write a side's frames of an epoch, after faults, to `out`; return their number.
 
-    def loses_until(self, epoch: int) -> int:
-        """Return the epoch up to which the same faults act as in this one, and only lose frames.
-
-        Returns `epoch` if other faults act.
+        `out` has room for `rrins.host_tools.wire.effects.FRAMES` at most.
         """
-        until, acting = NEVER, 0
-        for fault in (entry.fault for entry in self._faults):
+        self.make_room()
+        left = affect(
+            self.effects,
+            self.passages,
+            self.late[sender],
+            self.layouts,
+            int(sender),
+            frames,
+            count,
+            epoch,
+            out,
+        )
+        return int(left)
+
+    def make_room(self) -> None:
+        """Have room for the frames that an epoch may delay."""
+        if all(fault.kind != FaultKind.DELAY for fault in self._faults):
+            return
+        passage = self.passages[0]
+        for side, late in self.late.items():
+            if len(late) and has_room(passage, late, int(side)):
+                continue
+            first, end = int(passage.first_late[side]), int(passage.end_late[side])
+            room = LateFrame.zeros(2 * (end - first + MOST_LATE))
+            room[: end - first] = late[first:end]
+            passage.first_late[side], passage.end_late[side] = 0, end - first
+            self.late[side] = room
+
+    def same_until(self, epoch: int) -> int:
+        """Return the epoch up to which the same faults act as in this one.
+
+        Returns `epoch` where compiled code cannot play them: with a model of the wire, or without
+        power.
+        """
+        until = NEVER
+        for fault in self._faults:
             if fault.is_active(epoch):
-                acting += 1
-                if self._has_timing or fault.kind not in _SILENT or acting > LOSSES:
+                if self._has_timing or fault.kind == FaultKind.POWER_OFF:
                     return epoch
                 if fault.last_epoch >= 0:
                     until = min(until, fault.last_epoch + 1)
             elif not fault.is_over(epoch):
                 until = min(until, fault.first_epoch)
-        return epoch if any(self._delayed.values()) else until
-
-    def losses(self, epoch: int) -> Records[Loss]:
-        """Return the faults that act in an epoch, of which `loses_until` says that they only lose.
-
-        `settle_losses` is due before anything else is asked of the faults.
-        """
-        self._losing = [entry for entry in self._faults if entry.fault.is_active(epoch)]
-        losses = self._losses[: len(self._losing)]
-        for loss, entry in zip(losses, self._losing, strict=True):
-            loss.node, loss.identifier = entry.fault.node, entry.fault.identifier
-            loss.is_cut = entry.fault.kind == FaultKind.CUT
-            loss.probability = entry.fault.probability
-            entry.draws.look(loss.draws)
-            loss.used = loss.lost = 0
-        return losses
-
-    def settle_losses(self) -> None:
-        """Account for what was lost since `losses`."""
-        for loss, entry in zip(self._losses, self._losing, strict=False):
-            entry.draws.use(int(loss.used))
-            self._count(int(loss.lost))
-        self._losing = []
+        return until
 
     def has_power(self, epoch: int) -> bool:
         """Return whether the navigation computer has power in an epoch."""
@@ -248,98 +249,4 @@ class WireFaults:
 
     def acts(self, epoch: int) -> bool:
         """Return whether anything happens to frames in an epoch."""
-        return any(self._delayed.values()) or any(
-            entry.fault.is_active(epoch) for entry in self._faults
-        )
-
-    def _due(self, sender: Node, epoch: int) -> _Passing:
-        """Return the delayed frames of a side that are due."""
-        delayed = self._delayed[sender]
-        due = []
-        while delayed and delayed[0][0] <= epoch:
-            due.append(heapq.heappop(delayed)[2])
-        return due
-
-    def _hit(self, entry: _Entry, sender: Node, passing: _Passing, epoch: int) -> _Passing:
-        fault, draws = entry.fault, entry.draws
-        if fault.kind == FaultKind.REORDER:
-            return self._reorder(fault, draws.random, sender, passing)
-        if fault.kind == FaultKind.BABBLE:
-            return (
-                passing
-                if self._has_timing or sender != Node.HARDWARE
-                else [*_each(babble(max(1, fault.parameter))), *passing]
-            )
-        left: _Passing = []
-        for frame in passing:
-            hit = fault.means(sender, int(frame["can_id"][0]))
-            if fault.kind == FaultKind.DUPLICATE and id(frame) in self._copies:
-                hit = False  # or a dozen such faults would make thousands of one frame
-            if hit and draws.draw() < fault.probability:
-                left.extend(self._affect(entry, sender, frame, epoch))
-            else:
-                left.append(frame)
-        return left
-
-    def _reorder(
-        self, fault: WireFault, random: np.random.Generator, sender: Node, passing: _Passing
-    ) -> _Passing:
-        if fault.node not in (Node.ANY, sender) or random.random() >= fault.probability:
-            return passing
-        self._count(len(passing))
-        return [passing[k] for k in random.permutation(len(passing))]
-
-    def _affect(
-        self, entry: _Entry, sender: Node, frame: FrameArray, epoch: int
-    ) -> Iterator[FrameArray]:
-        fault, random, held = entry.fault, entry.draws.random, entry.held
-        kind = fault.kind
-        by_model = (FaultKind.CORRUPT_WIRE, FaultKind.BUS_OFF, FaultKind.CUT)
-        if self._has_timing and kind in by_model:
-            yield frame
-            return
-        self._count(1)
-        if kind in _SILENT or kind == FaultKind.POWER_OFF:
-            return
-        if kind == FaultKind.DELAY:
-            at = epoch + max(1, fault.parameter)
-            heapq.heappush(self._delayed[sender], (at, next(self._sequence), frame))
-            return
-        if kind == FaultKind.CORRUPT:
-            bit = fault.parameter - 1 if fault.parameter else int(random.integers(64))
-            frame["data"] ^= np.uint64(1) << np.uint64(bit)
-        elif kind == FaultKind.WRONG_COUNTER:
-            self._miscount(frame)
-        elif kind == FaultKind.DUPLICATE:
-            copy = frame.copy()
-            self._copies[id(copy)] = copy
-            yield copy
-        elif kind == FaultKind.STALE:
-            again = held.setdefault(int(frame["can_id"][0]), frame).copy()
-            if id(frame) in self._copies:
-                self._copies[id(again)] = again
-            frame = again
-        yield frame  # CORRUPT_WIRE, too: the controllers send the frame again
-
-    def _miscount(self, frame: FrameArray) -> None:
-        """Give a frame the counter after its own, with a CRC that fits."""
-        message = self._messages.get(int(frame["can_id"][0]))
-        if message is not None:
-            counter = (counter_of(frame[0]["data"]) + 1) % COUNTER_MODULUS
-            frame["data"] = protect(frame[0]["data"], message, counter)
-
-    def _count(self, frames: int) -> None:
-        self.affected_frames += frames
-
-
-def _each(frames: FrameArray) -> _Passing:
-    """Return each of the frames as an array of one."""
-    return [frames[k : k + 1] for k in range(len(frames))]
-
-
-def babble(count: int) -> FrameArray:
-    """Return the frames that a babbling node sends in an epoch."""
-    noise = frame_array(count)
-    noise["can_id"] = BABBLE_IDENTIFIER
-    noise["length"] = 8
-    return noise
+        return self._is_any_late or any(fault.is_active(epoch) for fault in self._faults)

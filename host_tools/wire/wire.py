@@ -19,18 +19,12 @@ import numpy as np
 from rrins.dbc.codec import load
 from rrins.dbc.frame import FrameArray, frame_array
 from rrins.host_tools.wire.controller import ControllerWatch
+from rrins.host_tools.wire.effects import ANY_IDENTIFIER, BABBLE_IDENTIFIER, FRAMES
 from rrins.host_tools.wire.fault_kinds import FaultKind
 from rrins.host_tools.wire.fault_server import WireFaultServer
-from rrins.host_tools.wire.faults import (
-    ANY_IDENTIFIER,
-    Node,
-    WireFault,
-    WireFaults,
-    babble,
-)
+from rrins.host_tools.wire.faults import Node, WireFault, WireFaults
 from rrins.host_tools.wire.timing import WireModel
 
-_CAPACITY = 4096
 _HARDWARE, _FIRMWARE, _BABBLER = 0, 1, 2
 _NODES = ("hardware", "firmware", "babbler")
 _BUS_OFF_ERRORS = 32  # in a row, of 8 each, take a transmitter off the bus
@@ -95,15 +89,15 @@ class Wire:
         self.faults = WireFaults(faults, seed, has_timing=self._model is not None)
         self.fault_server = WireFaultServer(self.faults, period_ns)
         self._is_cut = False
-        self._scratch = frame_array(_CAPACITY)
-        self._to_firmware = frame_array(_CAPACITY)
-        self._to_hardware = frame_array(_CAPACITY)
+        self._scratch = frame_array(FRAMES)
+        self._to_firmware = frame_array(FRAMES)
+        self._to_hardware = frame_array(FRAMES)
         self._held_for_firmware = 0
         self._held_for_hardware = 0
-        self._out = frame_array(_CAPACITY)
-        self._out_times_ns = np.zeros(_CAPACITY, dtype=np.int64)
-        self._out_nodes = np.zeros(_CAPACITY, dtype=np.int64)
-        self._out_receivers = np.zeros(_CAPACITY, dtype=np.int64)
+        self._out = frame_array(FRAMES)
+        self._out_times_ns = np.zeros(FRAMES, dtype=np.int64)
+        self._out_nodes = np.zeros(FRAMES, dtype=np.int64)
+        self._out_receivers = np.zeros(FRAMES, dtype=np.int64)
 
     @property
     def is_ideal(self) -> bool:
@@ -112,17 +106,17 @@ class Wire:
 
     def clear_until(self, epoch: int) -> int:
         """Return the epoch up to which all frames pass as they are, if no fault is put in."""
-        return epoch if self.faults.acting(epoch) else self.loses_until(epoch)
+        return epoch if self.faults.acts(epoch) else self.same_until(epoch)
 
-    def loses_until(self, epoch: int) -> int:
-        """Return the epoch up to which frames pass or are lost by the same faults, with no report.
+    def same_until(self, epoch: int) -> int:
+        """Return the epoch up to which the same faults act, with no report.
 
-        Until then compiled code may take the place of `up` and `down`, see `losses`; in `epoch` it
-        may not if that is what is returned.
+        Until then `rrins.host_tools.wire.effects.affect` may take the place of `up` and `down`; in
+        `epoch` it may not if that is what is returned.
         """
         if self._model is not None:
             return epoch
-        until = self.faults.loses_until(epoch)
+        until = self.faults.same_until(epoch)
         if until <= epoch:
             return epoch
         return min(until, self.fault_server.quiet_until(epoch, self.faults.acting(epoch)))
@@ -238,7 +232,8 @@ class Wire:
             model.cut(cut)
         for fault in active:
             if fault.kind == FaultKind.BABBLE:
-                noise = babble(max(1, fault.parameter))
+                noise = frame_array(max(1, fault.parameter))
+                noise["can_id"], noise["length"] = BABBLE_IDENTIFIER, 8
                 model.submit(_BABBLER, noise, len(noise), start_ns)
             elif fault.kind in (FaultKind.CORRUPT_WIRE, FaultKind.BUS_OFF):
                 self._fail(model, fault)

@@ -121,7 +121,7 @@ def receive(state: Ram, contract: Contract, inbox: FrameArray, start: int, count
         if frame.can_id >= 2048:
             frame_checks.foreign_frame(state, frame)
             continue
-        kind = state.dispatch[frame.can_id]
+        kind = int(state.dispatch[frame.can_id])
         if kind == _NOTHING:
             continue
         if kind == _SYNC:

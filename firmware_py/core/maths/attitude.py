@@ -77,7 +77,7 @@ def multiply(out: Floats, p: Floats, q: Floats) -> None:
 @compiled
 def normalise(q: Floats) -> None:
     """Normalise a quaternion of nearly unit length, in place."""
-    squared = q[0] ** 2 + q[1] ** 2 + q[2] ** 2 + q[3] ** 2
+    squared = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]  # Python rounds `**2` otherwise
     scale = 1.0 / math.sqrt(squared)
     for i in range(4):
         q[i] *= scale

@@ -13,17 +13,25 @@ from generate.redundancy_faults import section
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rrins.dbc.codec import load
+from rrins.dbc.codec import load as load_codec
 from rrins.dbc.contract import load_contract
 from rrins.dbc.frame import frame_array
 from rrins.dbc.values import FaultAction, FaultRefusal
+from rrins.firmware_py.loop import Firmware
 from rrins.host_tools.errors import ScenarioError
 from rrins.host_tools.hardware.fault_kinds import HardwareFault
+from rrins.host_tools.hardware.loop import Hardware
 from rrins.host_tools.injection.errors import InjectionError
 from rrins.host_tools.injection.messages import fault_commands
 from rrins.host_tools.runs.direct import run_direct
+from rrins.host_tools.runs.exchange import exchange_epoch
+from rrins.host_tools.runs.set_up.settings import (
+    firmware_settings,
+    hardware_settings,
+    scenario_wire,
+)
 from rrins.host_tools.scenario.fault_tables import KINDS
-from rrins.host_tools.scenario.scenario import Scenario, fault_of
+from rrins.host_tools.scenario.scenario import Scenario, fault_of, load
 from rrins.host_tools.wire.fault_kinds import FaultKind
 from rrins.host_tools.wire.faults import Node, WireFault, WireFaults
 
@@ -112,7 +120,7 @@ def test_every_kind_of_fault_is_in_the_table():
 def test_the_dbc_has_the_kinds():
     text = DBC.read_bytes().decode("cp1252")
     assert with_kinds(text) == text, "run `make docs`"
-    codec, contract = load(), load_contract()[0]
+    codec, contract = load_codec(), load_contract()[0]
     for part in ("COMMAND", "ACTIVE"):
         for of, kinds in (("", FaultKind), ("HARDWARE_", HardwareFault)):
             message = f"{of}FAULT_{part}"
@@ -123,7 +131,7 @@ def test_the_dbc_has_the_kinds():
 
 
 def test_the_dbc_has_the_actions_and_refusals():
-    codec = load()
+    codec = load_codec()
     actions = {action: action.name for action in FaultAction}
     both = [codec.choices(f"{of}FAULT_COMMAND", "action") for of in ("", "HARDWARE_")]
     assert both[0] | both[1] == actions
@@ -275,3 +283,59 @@ def test_the_wire_takes_time_and_a_slow_one_too_much():
     assert fast.firmware["navigation_sha256"] == ideal.firmware["navigation_sha256"]
     assert slow.firmware["fault"] == "SELF_TEST_FAILED"
     assert np.sum(list(slow.firmware["faults"].values())) > 0
+
+
+def test_until_when_the_same_faults_act():
+    lost = WireFault(FaultKind.DROP, first_epoch=10, last_epoch=19, probability=0.5)
+    off = WireFault(FaultKind.POWER_OFF, first_epoch=30, last_epoch=30)
+    faults = WireFaults((lost, off), seed=1)
+    epochs = (0, 9, 10, 19, 20, 29, 30)
+    assert [faults.same_until(epoch) for epoch in epochs] == [10, 10, 20, 20, 30, 30, 30]
+    assert faults.same_until(31) > 1_000_000
+
+
+def test_the_share_of_the_frames_that_is_hit_is_the_probability():
+    faults = WireFaults((WireFault(FaultKind.DROP, probability=0.3),), seed=1)
+    frames, out = frame_array(4096), frame_array(4096)
+    left = sum(faults.apply(Node.HARDWARE, frames, 4096, epoch, out) for epoch in range(10))
+    assert left / 40960 == pytest.approx(0.7, abs=0.01)  # 4.4 sigma
+    assert faults.affected_frames == 40960 - left
+
+
+def test_a_delay_has_room_for_whatever_is_sent():
+    faults = WireFaults((WireFault(FaultKind.DELAY, parameter=300),), seed=1)
+    frames, out = frame_array(100), frame_array(4096)
+    for epoch in range(700):
+        frames["data"] = epoch
+        count = faults.apply(Node.HARDWARE, frames, 100, epoch, out)
+        assert out["data"][:count].tolist() == [epoch - 300] * (100 if epoch >= 300 else 0)
+
+
+AT_ANY_TIME = [
+    {"kind": "drop", "probability": 0.05, "at_s": 3},
+    {"kind": "drop", "probability": 0.3, "at_s": 6, "for_s": 2.5, "node": "hardware"},
+    {"kind": "silence", "at_s": 7, "for_s": 0.4, "message": "SENSOR_2"},
+    {"kind": "corrupt", "probability": 0.3, "at_s": 9, "for_s": 0.5},
+    {"kind": "wrong_counter", "probability": 0.2, "at_s": 10, "for_s": 0.5},
+    {"kind": "stale", "probability": 0.5, "at_s": 10.2, "for_s": 0.5, "message": "SENSOR_3"},
+    {"kind": "duplicate", "at_s": 11, "for_s": 1},
+    {"kind": "reorder", "at_s": 11.5, "for_s": 1},
+    {"kind": "delay", "probability": 0.1, "delay_s": 0.02, "at_s": 12, "for_s": 1},
+    {"kind": "babble", "at_s": 13, "for_s": 1},
+    {"kind": "power_off", "at_s": 14, "for_s": 0.1},
+]
+
+
+def test_a_run_in_compiled_code_is_the_same_as_epoch_by_epoch():
+    scenario = load("rimu_rotating", duration_s=15)
+    keys = scenario.model_dump(exclude_unset=True) | {"faults": AT_ANY_TIME}
+    scenario = type(scenario).model_validate(keys)
+    found = run_direct(scenario)
+    hardware = Hardware(hardware_settings(scenario), scenario_wire(scenario))
+    firmware, count = Firmware(firmware_settings(scenario)), 0
+    for epoch in range(scenario.epochs + 1):
+        count = exchange_epoch(hardware, firmware, epoch, count)
+    assert found.firmware["navigation_sha256"] == firmware.trace.sha256()
+    counters = hardware.plant[0].counters
+    assert found.hardware["faults"]["missing_commands"] == int(counters.missing_commands) > 50
+    assert found.hardware["faults"]["crc_errors"] == int(counters.crc_errors) > 10
