@@ -28,25 +28,16 @@ FRAMES = 4096
 HELD = 128
 """Most identifiers of which a fault repeats a frame; the contract has fewer."""
 
-MOST_LATE = FRAMES + CAPACITY * 200
+_MOST_BABBLE = 0 if FaultKind.BABBLE.parameter is None else int(FaultKind.BABBLE.parameter.maximum)
+MOST_LATE = FRAMES + CAPACITY * _MOST_BABBLE
 """Most frames of a side that are delayed in an epoch: all, and all that babbles between."""
 
 _ANY_NODE = 0
-_LOSING = tuple(
-    int(kind)
-    for kind in (
-        FaultKind.DROP,
-        FaultKind.SILENCE,
-        FaultKind.BUS_OFF,
-        FaultKind.CUT,
-        FaultKind.POWER_OFF,
-    )
-)
-_DELAY, _DUPLICATE, _REORDER = (
-    int(kind) for kind in (FaultKind.DELAY, FaultKind.DUPLICATE, FaultKind.REORDER)
-)
+_DROP, _SILENCE, _BUS_OFF = int(FaultKind.DROP), int(FaultKind.SILENCE), int(FaultKind.BUS_OFF)
+_LOSING = _DROP, _SILENCE, _BUS_OFF, int(FaultKind.CUT), int(FaultKind.POWER_OFF)
+_DELAY, _DUPLICATE, _STALE = int(FaultKind.DELAY), int(FaultKind.DUPLICATE), int(FaultKind.STALE)
 _CORRUPT, _WRONG_COUNTER = int(FaultKind.CORRUPT), int(FaultKind.WRONG_COUNTER)
-_BABBLE, _STALE = int(FaultKind.BABBLE), int(FaultKind.STALE)
+_BABBLE, _REORDER = int(FaultKind.BABBLE), int(FaultKind.REORDER)
 
 
 class Effect(Record):
