@@ -196,7 +196,9 @@ def _align(state: Ram, contract: Contract) -> None:
     finished = state.alignment.done or state.alignment.failed
     if not finished:
         alignment.accumulate(state.alignment, state.dtheta_s, state.dv_s)
-        if state.alignment.epochs < parameters.alignment_epochs or _doubts(state):
+        if state.alignment.epochs < parameters.alignment_epochs:
+            return
+        if _doubts(state) and not alignment.sets_off(state.alignment, state.dv_s):
             return
         if parameters.initial_attitude == InitialAttitude.SELF_ALIGNED:
             gravity = earth.gravity(parameters.latitude, parameters.height)

@@ -27,6 +27,7 @@ from rrins.firmware_py.core.estimator import (
 from rrins.firmware_py.core.maths import earth
 from rrins.firmware_py.core.maths.vectors import copy
 from rrins.firmware_py.core.modes import modes
+from rrins.firmware_py.core.navigation import alignment
 from rrins.firmware_py.core.records.estimator_records import (
     ATTITUDE,
     BIASES,
@@ -103,8 +104,11 @@ def begin(state: Ram) -> None:
     estimator.epochs = 0
     estimator.stage = _MEASUREMENTS
     coarse = state.alignment
-    velocity_sigma = max(estimator.velocity_sigma, coarse.velocity_sigma)
-    position_sigma = max(estimator.start_sigma, coarse.position_sigma)
+    gained = alignment.gained_velocity(coarse)
+    velocity_sigma = max(estimator.velocity_sigma, coarse.velocity_sigma, gained)
+    position_sigma = max(
+        estimator.start_sigma, coarse.position_sigma, gained * alignment.SETS_OFF_S
+    )
     for i in range(3):
         variance = estimator.attitude_sigma[i] ** 2 + coarse.noise_sigma[i] ** 2
         P[ATTITUDE + i, ATTITUDE + i] = larger * larger * variance

@@ -30,6 +30,10 @@ _RATE_OF_UNEVEN = 15.0
 """By how much the mean rate may be off, times the length of the alignment, over the deviation: 1.4
 of a vehicle that sways, 14 of a gyro that changes in the middle, more nearer to the ends."""
 
+SETS_OFF_S = 1.0
+_SETS_OFF_MPS = 1.0
+"""Velocity that a vehicle gains within about this time if it sets off, and not if it sways."""
+
 _SMALLEST_HORIZONTAL = 1e-3  # of the Earth's rate; below, north is undefined
 
 
@@ -47,6 +51,7 @@ def begin(alignment: Alignment) -> None:
     alignment.increment_square = 0.0
     for i in range(3):
         alignment.noise_sigma[i] = 0.0
+        alignment.gained_s[i] = 0.0
         alignment.dtheta_s[i] = 0.0
         alignment.dv_s[i] = 0.0
         alignment.angle_sum[i] = 0.0
@@ -64,6 +69,24 @@ def accumulate(alignment: Alignment, dtheta_s: Floats, dv_s: Floats) -> None:
         alignment.angle_moment[i] += alignment.epochs * alignment.dtheta_s[i]
         alignment.angle_square += alignment.dtheta_s[i] ** 2
         alignment.increment_square += dtheta_s[i] ** 2
+
+
+@compiled
+def sets_off(alignment: Alignment, dv_s: Floats) -> bool:
+    """Return whether the vehicle sets off; called in each epoch that an alignment waits.
+
+    `dv_s` is that of the epoch, shape (3,), m/s, and already added.
+    """
+    for i in range(3):
+        alignment.gained_s[i] += dv_s[i] - alignment.dv_s[i] / alignment.epochs
+    return gained_velocity(alignment) > _SETS_OFF_MPS
+
+
+@compiled
+def gained_velocity(alignment: Alignment) -> float:
+    """Return the velocity that the vehicle has gained while the alignment waited, m/s."""
+    gained = alignment.gained_s
+    return math.sqrt(gained[0] * gained[0] + gained[1] * gained[1] + gained[2] * gained[2])
 
 
 @compiled

@@ -271,6 +271,7 @@ class Alignment(Record):
     angle_moment: Annotated[Floats, 3]  #: rad, Σ of epoch number times the angle so far
     angle_square: F8  #: rad², Σ over epochs of the square of the angle so far
     increment_square: F8  #: rad², Σ over epochs of the square of the increment
+    gained_s: Annotated[Floats, 3]  #: m/s, velocity gained while it waits
     rate_sigma: F8  #: rad/s, of a component of the mean rate, beyond the data sheet
     force_sigma: F8  #: m/s², of the mean specific force, likewise
     C_s_n: Annotated[Floats, (3, 3)]  #: attitude of the sensors, once found
