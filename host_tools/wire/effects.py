@@ -119,7 +119,7 @@ def affect(
     count = min(count, len(out))
     for k in range(count):
         out[k] = frames[k]
-        _mark(out[k], 0)
+        out[k].reserved = 0
     for k in range(passage.count):
         effect = effects[k]
         if acts(effect, epoch) and (effect.node == _ANY_NODE or effect.node == sender):
@@ -130,14 +130,8 @@ def affect(
             else:
                 count = _hit(effect, passage, late, layouts, sender, count, epoch, out)
     for k in range(count):
-        _mark(out[k], 0)
+        out[k].reserved = 0
     return _deliver(passage, late, sender, epoch, count, out)
-
-
-@compiled
-def _mark(frame: Frame, mark: int) -> None:
-    """Mark a frame that a fault has made of another, in its padding."""
-    frame.reserved = mark
 
 
 @compiled
@@ -172,7 +166,7 @@ def _hit(
     before = _keep(passage, count, out)
     left = 0
     for k in range(count):
-        frame = before[k]
+        frame = before[k]  # `reserved` marks a copy
         is_meant = effect.identifier == ANY_IDENTIFIER or effect.identifier == frame.can_id
         if effect.kind == _DUPLICATE and frame.reserved != 0:
             is_meant = False  # or a dozen such faults would make thousands of one frame
@@ -194,14 +188,14 @@ def _hit(
             if left < len(out):
                 out[left] = before[k]
                 if copy < copies - 1:
-                    _mark(out[left], 1)
+                    out[left].reserved = 1
                 left += 1
     return left
 
 
 @compiled
 def _spoil(effect: Effect, layouts: Records[MessageLayout], frame: Frame) -> None:
-    """Change a frame; a bit error that the controllers notice does not, they send it again."""
+    """Change a frame. CORRUPT_WIRE changes none: the controllers notice, and send it again."""
     if effect.kind == _CORRUPT:
         bit = effect.parameter - 1 if effect.parameter > 0 else int(64.0 * _draw(effect))
         frame["data"] ^= np.uint64(1) << np.uint64(bit)
@@ -223,7 +217,7 @@ def _repeat(effect: Effect, frame: Frame, before: FrameArray, k: int) -> None:
         effect.held[at] = frame
         effect.held_count += 1
     before[k] = effect.held[at]
-    _mark(before[k], mark)
+    before[k].reserved = mark
 
 
 @compiled
@@ -256,7 +250,7 @@ def _babble(noise: int, count: int, out: FrameArray) -> int:
         frame = out[k]
         frame.can_id, frame.length, frame.flags, frame.raw_dlc = BABBLE_IDENTIFIER, 8, 0, 0
         frame["data"] = 0
-        _mark(frame, 0)
+        frame.reserved = 0
     return count
 
 
@@ -269,7 +263,7 @@ def _delay(passage: Passage, late: Records[LateFrame], sender: int, due: int, fr
         at -= 1
     late[at].due = due
     late[at].frame[0] = frame
-    _mark(late[at].frame[0], 0)
+    late[at].frame[0].reserved = 0
     passage.end_late[sender] += 1
 
 
