@@ -183,8 +183,10 @@ def test_a_case_that_once_failed_does_not(seed, number):
 
 @pytest.mark.parametrize(
     ("seed", "number"),
-    [(2026, 50), (2026, 882), (2027, 597), (2027, 163), (10, 2734), (16, 117), (13, 3142)]
-    + [(18, 7371)],
+    [
+        *[(2026, 50), (2026, 882), (2027, 597), (2027, 163), (10, 2734), (16, 117), (13, 3142)],
+        (18, 7371),
+    ],
 )
 def test_sigma_tells_what_faults_have_done(seed, number):
     """A gyro that is dead and one that is stuck, of four; accelerometers, and a gyro after another,
