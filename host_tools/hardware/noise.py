@@ -22,7 +22,7 @@ from rrins.host_tools.hardware.memory import (
 Source = Sensors | AltimeterState | GnssState | OdometerState
 """A record with the state of random numbers."""
 
-GOLDEN = np.uint64(0x9E3779B97F4A7C15)
+_GOLDEN = np.uint64(0x9E3779B97F4A7C15)
 _MIX_1 = np.uint64(0xBF58476D1CE4E5B9)
 _MIX_2 = np.uint64(0x94D049BB133111EB)
 _TO_UNIT = 2.0**-53
@@ -31,7 +31,7 @@ _ROOT_OF_HALF = np.float64(math.sqrt(0.5)).view(np.int64)
 
 
 @compiled
-def uniform_of(state: np.uint64) -> float:
+def _uniform_of(state: np.uint64) -> float:
     """Return the uniform number in [0, 1) of a state."""
     mixed = (state ^ (state >> np.uint64(30))) * _MIX_1
     mixed = (mixed ^ (mixed >> np.uint64(27))) * _MIX_2
@@ -42,9 +42,9 @@ def uniform_of(state: np.uint64) -> float:
 @compiled
 def uniform(source: Source, k: int) -> float:
     """Return the next uniform number in [0, 1) of a source's sensor `k`."""
-    state = source.noise_state[k] + GOLDEN
+    state = source.noise_state[k] + _GOLDEN
     source.noise_state[k] = state
-    return uniform_of(state)
+    return _uniform_of(state)
 
 
 @compiled
@@ -82,9 +82,9 @@ def normals(source: Source, k: int, out: Floats, work: Floats, bits: Integers) -
         tried = min(u.shape[0], pairs + pairs // 3 + 4)
         first = source.noise_state[k]
         for i in range(tried):
-            state = first + GOLDEN * np.uint64(2 * i + 1)
-            u[i] = 2.0 * uniform_of(state) - 1.0
-            v[i] = 2.0 * uniform_of(state + GOLDEN) - 1.0
+            state = first + _GOLDEN * np.uint64(2 * i + 1)
+            u[i] = 2.0 * _uniform_of(state) - 1.0
+            v[i] = 2.0 * _uniform_of(state + _GOLDEN) - 1.0
             s[i] = u[i] * u[i] + v[i] * v[i]
         found = i = 0
         while i < tried and found < pairs:
@@ -92,7 +92,7 @@ def normals(source: Source, k: int, out: Floats, work: Floats, bits: Integers) -
             u[found], v[found], s[found], mantissa[found] = u[i], v[i], square, square
             found += 0.0 < square < 1.0
             i += 1
-        source.noise_state[k] = first + GOLDEN * np.uint64(2 * i)
+        source.noise_state[k] = first + _GOLDEN * np.uint64(2 * i)
         _scale(s, work[3], mantissa, bits, found)
         left = out[at:]
         whole = min(found, left.shape[0] // 2)

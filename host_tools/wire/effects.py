@@ -7,10 +7,10 @@ from typing import Annotated
 import numpy as np
 
 from rrins.compiled.compilation import compiled, compiled_with
-from rrins.compiled.record import F8, I8, U8, Integers, Record, Records
+from rrins.compiled.record import F8, I8, Integers, Record, Records
 from rrins.dbc.e2e import MessageLayout, counter_of, protect
 from rrins.dbc.frame import Frame, FrameArray
-from rrins.host_tools.hardware.noise import GOLDEN, uniform_of
+from rrins.host_tools.wire.draws import Draws, bit, uniform
 from rrins.host_tools.wire.fault_kinds import FaultKind
 
 ANY_IDENTIFIER = 4095
@@ -50,7 +50,7 @@ class Effect(Record):
     last_epoch: I8  #: included; -1 until it is removed
     probability: F8  #: share of the frames that it hits
     parameter: I8
-    random: U8  #: state of its random numbers
+    draws: Draws
     held_count: I8
     held: Annotated[Records[Frame], HELD]  #: by STALE, the first of each identifier
 
@@ -135,14 +135,6 @@ def affect(
 
 
 @compiled
-def _draw(effect: Effect) -> float:
-    """Return a fault's next random number, in [0, 1)."""
-    state = effect.random + GOLDEN
-    effect.random = state
-    return uniform_of(state)
-
-
-@compiled
 def _keep(passage: Passage, count: int, out: FrameArray) -> FrameArray:
     """Return a copy of the first frames."""
     before = passage.before
@@ -171,7 +163,7 @@ def _hit(
         if effect.kind == _DUPLICATE and frame.reserved != 0:
             is_meant = False  # or a dozen such faults would make thousands of one frame
         copies = 1
-        if is_meant and _draw(effect) < effect.probability:
+        if is_meant and uniform(effect.draws) < effect.probability:
             passage.affected += 1
             if effect.kind in _LOSING:
                 copies = 0
@@ -197,8 +189,8 @@ def _hit(
 def _spoil(effect: Effect, layouts: Records[MessageLayout], frame: Frame) -> None:
     """Change a frame. CORRUPT_WIRE changes none: the controllers notice, and send it again."""
     if effect.kind == _CORRUPT:
-        bit = effect.parameter - 1 if effect.parameter > 0 else int(64.0 * _draw(effect))
-        frame["data"] ^= np.uint64(1) << np.uint64(bit)
+        wrong = effect.parameter - 1 if effect.parameter > 0 else bit(effect.draws)
+        frame["data"] ^= np.uint64(1) << np.uint64(wrong)
     elif effect.kind == _WRONG_COUNTER:
         for layout in layouts:
             if layout.can_id == frame.can_id and layout.data_id > 0:
@@ -223,12 +215,12 @@ def _repeat(effect: Effect, frame: Frame, before: FrameArray, k: int) -> None:
 @compiled
 def _reorder(effect: Effect, passage: Passage, count: int, out: FrameArray) -> None:
     """Shuffle the frames (Fisher and Yates, from the inside out), if the epoch is drawn."""
-    if _draw(effect) >= effect.probability:
+    if uniform(effect.draws) >= effect.probability:
         return
     passage.affected += count
     before = _keep(passage, count, out)
     for k in range(count):
-        other = int(_draw(effect) * (k + 1))
+        other = int(uniform(effect.draws) * (k + 1))
         out[k] = out[other]
         out[other] = before[k]
 

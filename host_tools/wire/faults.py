@@ -16,6 +16,7 @@ import numpy as np
 from rrins.dbc.codec import load
 from rrins.dbc.frame import FrameArray
 from rrins.host_tools.hardware.faults import NEVER
+from rrins.host_tools.wire import draws
 from rrins.host_tools.wire.effects import (
     ANY_IDENTIFIER,
     CAPACITY,
@@ -129,8 +130,7 @@ class WireFaults:
         effect.identifier = ANY_IDENTIFIER if is_all else fault.identifier
         effect.first_epoch, effect.last_epoch = fault.first_epoch, fault.last_epoch
         effect.probability = fault.probability
-        seed = np.random.SeedSequence([self._seed, self._number])
-        effect.random = seed.generate_state(1, np.uint64)[0]
+        draws.begin(effect.draws, [self._seed, self._number])
         effect.held_count = 0
         self._number += 1
         self._faults.append(fault)

@@ -32,6 +32,8 @@ from rrins.host_tools.runs.set_up.settings import (
 )
 from rrins.host_tools.scenario.fault_tables import KINDS
 from rrins.host_tools.scenario.scenario import Scenario, fault_of, load
+from rrins.host_tools.wire import draws
+from rrins.host_tools.wire.draws import Draws
 from rrins.host_tools.wire.fault_kinds import FaultKind
 from rrins.host_tools.wire.faults import Node, WireFault, WireFaults
 
@@ -292,6 +294,17 @@ def test_until_when_the_same_faults_act():
     epochs = (0, 9, 10, 19, 20, 29, 30)
     assert [faults.same_until(epoch) for epoch in epochs] == [10, 10, 20, 20, 30, 30, 30]
     assert faults.same_until(31) > 1_000_000
+
+
+@given(st.integers(0, 2**32), st.lists(st.booleans(), max_size=200))
+def test_the_random_numbers_are_those_of_numpy(seed, which):
+    ours, theirs = Draws.zeros()[0], np.random.default_rng([seed, 3])
+    draws.begin(ours, [seed, 3])
+    for is_bit in which:
+        if is_bit:
+            assert draws.bit(ours) == theirs.integers(64)
+        else:
+            assert draws.uniform(ours) == theirs.random()
 
 
 def test_the_share_of_the_frames_that_is_hit_is_the_probability():
