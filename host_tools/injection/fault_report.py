@@ -24,9 +24,8 @@ from rrins.host_tools.hardware.fault_kinds import (
 )
 from rrins.host_tools.hardware.fault_protocol import unpacked
 from rrins.host_tools.injection.messages import LiveFault
-from rrins.host_tools.wire.effects import ANY_IDENTIFIER
+from rrins.host_tools.wire.effects import ANY_IDENTIFIER, Node
 from rrins.host_tools.wire.fault_kinds import FaultKind, from_number
-from rrins.host_tools.wire.faults import Node
 
 Place = Literal["wire", "hardware"]
 Raws = dict[str, int]

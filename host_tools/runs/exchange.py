@@ -21,8 +21,16 @@ from rrins.host_tools.hardware.loop import Hardware
 from rrins.host_tools.hardware.memory import Plant, Truth
 from rrins.host_tools.hardware.step import hardware_step
 from rrins.host_tools.runs.results.samples import SampleBuffer
-from rrins.host_tools.wire.effects import FRAMES, Effect, LateFrame, Passage, affect, has_room
-from rrins.host_tools.wire.faults import Node, WireFaults
+from rrins.host_tools.wire.effects import (
+    FRAMES,
+    Effect,
+    LateFrame,
+    Node,
+    Passage,
+    affect,
+    has_room,
+)
+from rrins.host_tools.wire.faults import WireFaults
 from rrins.host_tools.wire.wire import Wire
 
 _FIRMWARE, _HARDWARE = int(Node.FIRMWARE), int(Node.HARDWARE)

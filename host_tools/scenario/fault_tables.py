@@ -16,9 +16,9 @@ from rrins.host_tools.hardware.faults import ALWAYS, cycle_of
 from rrins.host_tools.hardware.settings import PlannedFault
 from rrins.host_tools.hardware.tables import TomlTable
 from rrins.host_tools.scenario.tables import LONGEST_S
-from rrins.host_tools.wire.effects import ANY_IDENTIFIER
+from rrins.host_tools.wire.effects import ANY_IDENTIFIER, Node
 from rrins.host_tools.wire.fault_kinds import FaultKind, to_number
-from rrins.host_tools.wire.faults import Node, WireFault
+from rrins.host_tools.wire.faults import WireFault
 
 
 class _Fault(TomlTable):

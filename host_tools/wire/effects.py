@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from enum import IntEnum
 from typing import Annotated
 
 import numpy as np
@@ -12,6 +13,15 @@ from rrins.dbc.e2e import MessageLayout, counter_of, protect
 from rrins.dbc.frame import Frame, FrameArray
 from rrins.host_tools.wire.draws import Draws, bit, uniform
 from rrins.host_tools.wire.fault_kinds import FaultKind
+
+
+class Node(IntEnum):
+    """Sender of the affected frames; the DBC's value table of `node`."""
+
+    ANY = 0
+    FIRMWARE = 1
+    HARDWARE = 2
+
 
 ANY_IDENTIFIER = 4095
 """Stands for all frames of a node."""
@@ -32,7 +42,7 @@ _MOST_BABBLE = 0 if FaultKind.BABBLE.parameter is None else int(FaultKind.BABBLE
 MOST_LATE = FRAMES + CAPACITY * _MOST_BABBLE
 """Most frames of a side that are delayed in an epoch: all, and all that babbles between."""
 
-_ANY_NODE = 0
+_ANY_NODE = int(Node.ANY)
 _DROP, _SILENCE, _BUS_OFF = int(FaultKind.DROP), int(FaultKind.SILENCE), int(FaultKind.BUS_OFF)
 _LOSING = _DROP, _SILENCE, _BUS_OFF, int(FaultKind.CUT), int(FaultKind.POWER_OFF)
 _DELAY, _DUPLICATE, _STALE = int(FaultKind.DELAY), int(FaultKind.DUPLICATE), int(FaultKind.STALE)
@@ -67,8 +77,10 @@ class Passage(Record):
 
     count: I8  #: faults
     affected: I8  #: frames, so far
-    first_late: Annotated[Integers, 3]  #: of the late frames of each `Node`, ordered by `due`
-    end_late: Annotated[Integers, 3]  #: after their last
+    first_late: Annotated[
+        Integers, len(Node)
+    ]  #: of the late frames of each `Node`, ordered by `due`
+    end_late: Annotated[Integers, len(Node)]  #: after their last
     before: Annotated[Records[Frame], FRAMES]
 
 

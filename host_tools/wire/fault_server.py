@@ -15,9 +15,9 @@ from rrins.dbc.frame import FrameArray
 from rrins.dbc.values import FaultAction, FaultRefusal
 from rrins.host_tools.hardware.fault_protocol import ActiveFault, FaultServer, largest_of
 from rrins.host_tools.hardware.faults import NEVER
-from rrins.host_tools.wire.effects import ANY_IDENTIFIER
+from rrins.host_tools.wire.effects import ANY_IDENTIFIER, Node
 from rrins.host_tools.wire.fault_kinds import FaultKind
-from rrins.host_tools.wire.faults import Node, WireFault, WireFaults
+from rrins.host_tools.wire.faults import WireFault, WireFaults
 
 SHARE_STEPS = 10_000
 """The parameter of the action SHARE that means all frames."""

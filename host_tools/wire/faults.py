@@ -9,7 +9,6 @@ becomes of the frames.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import IntEnum
 
 import numpy as np
 
@@ -23,20 +22,12 @@ from rrins.host_tools.wire.effects import (
     MOST_LATE,
     Effect,
     LateFrame,
+    Node,
     Passage,
     affect,
     has_room,
 )
 from rrins.host_tools.wire.fault_kinds import FaultKind
-
-
-class Node(IntEnum):
-    """Sender of the affected frames; the DBC's value table of `node`."""
-
-    ANY = 0
-    FIRMWARE = 1
-    HARDWARE = 2
-
 
 _BY_MODEL = (FaultKind.CORRUPT_WIRE, FaultKind.BUS_OFF, FaultKind.CUT, FaultKind.BABBLE)
 """Kinds that the model of the wire's timing plays, where there is one."""
@@ -69,7 +60,7 @@ class WireFault:
 
     def is_active(self, epoch: int) -> bool:
         """Return whether the fault acts in an epoch."""
-        return self.first_epoch <= epoch and not 0 <= self.last_epoch < epoch
+        return self.first_epoch <= epoch and not self.is_over(epoch)
 
     def is_over(self, epoch: int) -> bool:
         """Return whether the fault will never act again."""

@@ -19,10 +19,10 @@ import numpy as np
 from rrins.dbc.codec import load
 from rrins.dbc.frame import FrameArray, frame_array
 from rrins.host_tools.wire.controller import ControllerWatch
-from rrins.host_tools.wire.effects import ANY_IDENTIFIER, BABBLE_IDENTIFIER, FRAMES
+from rrins.host_tools.wire.effects import ANY_IDENTIFIER, BABBLE_IDENTIFIER, FRAMES, Node
 from rrins.host_tools.wire.fault_kinds import FaultKind
 from rrins.host_tools.wire.fault_server import WireFaultServer
-from rrins.host_tools.wire.faults import Node, WireFault, WireFaults
+from rrins.host_tools.wire.faults import WireFault, WireFaults
 from rrins.host_tools.wire.timing import WireModel
 
 _HARDWARE, _FIRMWARE, _BABBLER = 0, 1, 2

@@ -34,8 +34,9 @@ from rrins.host_tools.scenario.fault_tables import KINDS
 from rrins.host_tools.scenario.scenario import Scenario, fault_of, load
 from rrins.host_tools.wire import draws
 from rrins.host_tools.wire.draws import Draws
+from rrins.host_tools.wire.effects import Node
 from rrins.host_tools.wire.fault_kinds import FaultKind
-from rrins.host_tools.wire.faults import Node, WireFault, WireFaults
+from rrins.host_tools.wire.faults import WireFault, WireFaults
 
 DOCS = Path(__file__).parents[3] / "docs"
 ROTATING = "NAVIGATION_ROTATING"
